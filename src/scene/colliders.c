@@ -316,10 +316,11 @@ static msim_status make_solid(const msim_collider *c, ms_solid *s, msim_error *e
   return ms_error_set(err, MSIM_ERR_ARG,
                       "%s so large that distances are beyond the range of double; use smaller "
                       "numbers",
-                      has_axis     ? "from and to are"
-                      : is_sampled ? "the grid is"
-                      : is_rotated ? "center or size is"
-                                   : "rotation is");
+                      has_axis                               ? "from and to are"
+                      : c->type == MSIM_COLLIDER_HEIGHTFIELD ? "origin, spacing, n or heights are"
+                      : is_sampled                           ? "origin, spacing or n are"
+                      : is_rotated                           ? "center or size is"
+                                                             : "rotation is");
 }
 
 msim_status msim_scene_add_collider(msim_scene *scene, const msim_collider *collider,

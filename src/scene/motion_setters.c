@@ -52,6 +52,9 @@ static msim_status check_motion(const ms_scene *s, const msim_motion *m, msim_er
     return ms_error_set(err, MSIM_ERR_ARG, "particles, t or x is NULL");
   status = ms_motion_check_times(m->nt, m->t, m->interpolation, err);
   if (!status) status = ms_scene_check_finite("x", 3 * (int64_t)m->n * m->nt, 3 * m->n, m->x, err);
+  const ms_motion points = {
+      .n = m->n, .nt = m->nt, .t = (double *)(uintptr_t)m->t, .x = (double *)(uintptr_t)m->x};
+  if (!status) status = ms_motion_check_range("x", &points, err);
   return status ? status : check_particles(s, m, err);
 }
 
@@ -115,6 +118,14 @@ void ms_scene_remove_motion(ms_scene *scene, int32_t particle) {
 
 /*------------------------------------- motions of colliders -------------------------------------*/
 
+static ms_motion borrow_points(const msim_collider_motion *m, const double *points) {
+  return (ms_motion){.n = 1,
+                     .nt = points ? m->nt : 0,
+                     .interpolation = m->interpolation,
+                     .t = (double *)(uintptr_t)m->t,
+                     .x = (double *)(uintptr_t)points};
+}
+
 static msim_status check_collider_motion(const ms_scene *s, const msim_collider_motion *m,
                                          msim_error *err) {
   if (m->collider < 0 || m->collider >= s->ncolliders)
@@ -127,15 +138,9 @@ static msim_status check_collider_motion(const ms_scene *s, const msim_collider_
   msim_status status = ms_motion_check_times(m->nt, m->t, m->interpolation, err);
   if (!status) status = ms_scene_check_finite("x", n, 3, m->x, err);
   if (!status && m->rotation) status = ms_scene_check_finite("rotation", n, 3, m->rotation, err);
-  return status;
-}
-
-static ms_motion borrow_points(const msim_collider_motion *m, const double *points) {
-  return (ms_motion){.n = 1,
-                     .nt = points ? m->nt : 0,
-                     .interpolation = m->interpolation,
-                     .t = (double *)(uintptr_t)m->t,
-                     .x = (double *)(uintptr_t)points};
+  const ms_motion x = borrow_points(m, m->x), rotation = borrow_points(m, m->rotation);
+  if (!status) status = ms_motion_check_range("x", &x, err);
+  return status ? status : ms_motion_check_range("rotation", &rotation, err);
 }
 
 msim_status msim_scene_set_collider_motion(msim_scene *scene, const msim_collider_motion *motion,

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "base/vector.h"
 
 const char *const ms_motion_interpolations[2] = {"linear", "cubic"};
 
@@ -137,6 +138,26 @@ msim_status ms_motion_check_times(int32_t nt, const double *t, int32_t interpola
       return ms_error_set(err, MSIM_ERR_ARG, "t[%d] is %g; it must exceed t[%d] = %g", k, t[k],
                           k - 1, t[k - 1]);
   }
+  return MSIM_OK;
+}
+
+msim_status ms_motion_check_range(const char *what, const ms_motion *m, msim_error *err) {
+  const size_t row = 3 * (size_t)m->n;
+  for (int32_t k = 0; k < m->nt; k++)
+    for (size_t i = 0; i < row; i++) {
+      const double *x = m->x + (size_t)k * row + i;
+      const double speed = k > 0 ? fabs(*x - *(x - row)) / (m->t[k] - m->t[k - 1]) : 0;
+      if (!(fabs(*x) <= MS_LARGEST_VALID))
+        return ms_error_set(err, MSIM_ERR_ARG,
+                            "%s[%d] contains %g, whose square is beyond the range of double; use "
+                            "smaller numbers",
+                            what, k, *x);
+      if (!(speed <= MS_LARGEST_VALID))
+        return ms_error_set(err, MSIM_ERR_ARG,
+                            "%s[%d] is reached at a speed of %g, whose square is beyond the range "
+                            "of double; use times t that lie further apart",
+                            what, k, speed);
+    }
   return MSIM_OK;
 }
 

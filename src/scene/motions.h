@@ -52,6 +52,9 @@ double ms_motion_find_speed(const ms_motion *motion);
 msim_status ms_motion_check_times(int32_t nt, const double *t, int32_t interpolation,
                                   msim_error *err);
 
+/* Refuse points, named `what` in messages, at distances or speeds whose squares overflow. */
+msim_status ms_motion_check_range(const char *what, const ms_motion *motion, msim_error *err);
+
 /* 1: the same bits */
 int ms_motion_is_equal(const ms_motion *a, const ms_motion *b);
 

@@ -124,8 +124,9 @@ msim_status msim_scene_add_law(msim_scene *scene, const msim_law *law, int32_t *
   if (!ms_laws_prepare(&alloc, &is, &fresh)) return ms_error_set_memory(err, "a law of springs");
   if (!isfinite(fresh.slope) || isnan(fresh.depth)) {
     ms_laws_free_one(&alloc, &fresh);
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "the slope of the law is beyond the range of double; use smaller numbers");
+    return ms_error_set(
+        err, MSIM_ERR_ARG, "%s a slope beyond the range of double; use smaller numbers",
+        is.kind == MSIM_LAW_TABLE ? "stretch and force give" : "coefficients and limit give");
   }
   ms_scene *s = ms_scene_make_writable(scene, err);
   status = s ? ms_memory_reserve(&s->alloc, MS_ARRAY(s->laws), s->nlaws, &s->law_capacity,
