@@ -40,6 +40,6 @@ msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
 }
 
 void ms_adjacency_destroy(const ms_scene *scene, ms_adjacency *a) {
-  MS_FREE(&scene->alloc, a->first, a->half_edges);
+  MS_FREE(&scene->alloc, a->first, a->half_edges, a->is_split);
   *a = (ms_adjacency){0};
 }

@@ -11,7 +11,9 @@ typedef struct ms_half_edge {
 
 typedef struct ms_adjacency {
   int32_t *first;           /* stride + 1 */
-  ms_half_edge *half_edges; /* of each row, pinned ones too: sorted by neighbour, then by spring */
+  ms_half_edge *half_edges; /* of each row, pinned ones too: sorted by neighbour, then by spring;
+                               in a rank's part of a scene, as in one process */
+  uint8_t *is_split;        /* stride: rows to be split (half_edges.h); NULL: where worthwhile */
 } ms_adjacency;
 
 msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,

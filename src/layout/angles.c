@@ -121,15 +121,15 @@ void ms_angles_destroy(const ms_scene *scene, ms_angles *g) {
   *g = (ms_angles){0};
 }
 
-double ms_angles_sum_row(const ms_angles *g, int32_t nfree, const double *by, int32_t row) {
+double ms_angles_sum_row(const ms_angles *g, int32_t first_fixed, const double *by, int32_t row) {
   double sum = 0;
   if (g->n == 0) return 0;
   for (int32_t at = g->of.first[row]; at < g->of.first[row + 1]; at++) {
     const int32_t e = g->of.item[at] / 3, corner = g->of.item[at] % 3;
     const int32_t *end = g->row + 3 * e;
     const double *w = g->weight + 2 * e;
-    if (corner != 2) sum += (end[1 - corner] < nfree ? 2 : 1) * w[0] * by[e];
-    if (corner != 0) sum += (end[3 - corner] < nfree ? 2 : 1) * w[1] * by[e];
+    if (corner != 2) sum += (end[1 - corner] < first_fixed ? 2 : 1) * w[0] * by[e];
+    if (corner != 0) sum += (end[3 - corner] < first_fixed ? 2 : 1) * w[1] * by[e];
   }
   return sum;
 }

@@ -37,6 +37,7 @@ void ms_angles_destroy(const ms_scene *scene, ms_angles *angles);
 
 /* The sum over the equivalent springs of an unknown of e w by, e = 2, or 1 if the other end is
  * pinned; by: of each angle, k or damping */
-double ms_angles_sum_row(const ms_angles *angles, int32_t nfree, const double *by, int32_t row);
+double ms_angles_sum_row(const ms_angles *angles, int32_t first_fixed, const double *by,
+                         int32_t row);
 
 #endif

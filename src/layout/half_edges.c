@@ -34,13 +34,13 @@ static int32_t count_split_rows(const ms_adjacency *a, const int32_t row[MS_SLIC
   return nsplit;
 }
 
-/* Marks split rows by part = 0 and counts their parts. */
-static void find_split_rows(const ms_adjacency *a, int32_t nfree, ms_half_edges *out) {
+void ms_half_edges_find_split_rows(const ms_adjacency *a, int32_t nfree, ms_half_edges *out) {
   for (int32_t g = 0; g < out->nslices; g++) {
     int32_t row[MS_SLICE];
-    const int32_t nsplit = count_split_rows(a, row, sort_rows_by_degree(a, nfree, g, row));
+    const int32_t n = sort_rows_by_degree(a, nfree, g, row), nsplit = count_split_rows(a, row, n);
     for (int32_t r = g * MS_SLICE; r < (g + 1) * MS_SLICE; r++) out->first_part[r] = -1;
-    for (int32_t i = 0; i < nsplit; i++) {
+    for (int32_t i = 0; i < n; i++) {
+      if (a->is_split ? !a->is_split[row[i]] : i >= nsplit) continue;
       out->first_part[row[i]] = 0;
       out->nparts += (entries_for_degree(ms_adjacency_degree(a, row[i])) + MS_PART_ENTRIES - 1) /
                      MS_PART_ENTRIES;
@@ -193,7 +193,7 @@ static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *r
   const msim_allocator *alloc = &scene->alloc;
   if (!MS_NEW(alloc, out->first_part, rows->first_pinned))
     return ms_error_set_memory(err, "the half-edges of the springs");
-  find_split_rows(a, rows->nfree, out);
+  ms_half_edges_find_split_rows(a, rows->nfree, out);
   const size_t nparts = (size_t)out->nparts;
   if (!MS_NEW(alloc, out->part_row, nparts) ||
       !MS_NEW(alloc, out->part_sums, 6 * MS_SLICE * nparts) ||

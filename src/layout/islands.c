@@ -197,5 +197,7 @@ ms_island ms_islands_get(const ms_islands *islands, int32_t i) {
                      .pinned = islands->pinned.item + pinned[0],
                      .spring = islands->springs.item + springs[0],
                      .angle = islands->angles.item + angles[0],
-                     .row_scratch = islands->row_scratch};
+                     .row_scratch = islands->row_scratch,
+                     .nghosts = islands->nghosts,
+                     .order = islands->order};
 }

@@ -16,6 +16,8 @@
 
 enum { MS_MIN_ISLAND = 512 };
 
+struct ms_whole_order;
+
 /* The contents of an island, by their numbers in the scene, each list ascending. */
 typedef struct ms_island {
   int32_t nfree, npinned, nsprings, nangles;
@@ -23,12 +25,17 @@ typedef struct ms_island {
   const int32_t *spring;        /* springs with a free end */
   const int32_t *angle;         /* angular springs with a free corner */
   int32_t *row_scratch;         /* for each particle of the scene: scratch of ms_springs_create */
+  /* A rank's part of the scene (rank_part.h); else 0 and NULL */
+  int32_t nghosts;                    /* the first `pinned`: unknowns of other ranks */
+  const struct ms_whole_order *order; /* of `free`, which are not ascending, and of half-edges */
 } ms_island;
 
 typedef struct ms_islands {
   int32_t n; /* >= 1; a scene without free particles has one, which is empty */
   ms_buckets free, pinned, springs, angles;
   int32_t *row_scratch; /* nparticles */
+  int32_t nghosts;      /* as in ms_island */
+  const struct ms_whole_order *order;
 } ms_islands;
 
 /* whole: 1 for a single island, whatever the springs connect. */

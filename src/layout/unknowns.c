@@ -12,6 +12,7 @@ msim_status ms_unknowns_create(const ms_scene *scene, const ms_island *island, m
                         .n = island->nfree + island->npinned,
                         .nfree = island->nfree,
                         .first_pinned = round_up_to_slices(island->nfree)};
+  rows->first_fixed = rows->first_pinned + island->nghosts;
   rows->stride = rows->first_pinned + round_up_to_slices(island->npinned);
   if (!MS_NEW(&scene->alloc, rows->particle, rows->stride))
     return ms_error_set_memory(err, "the numbering of the particles");

@@ -22,6 +22,8 @@ typedef struct ms_unknowns {
   int32_t n;                 /* particles of the island */
   int32_t nfree;             /* unknowns, particles that are not pinned */
   int32_t first_pinned;      /* nfree, rounded up to whole slices */
+  int32_t first_fixed;       /* from here on particles are pinned; between first_pinned and here lie
+                                ghosts, unknowns of other ranks (halo.h): none in one process */
   int32_t stride;            /* all rows, padding included */
   int32_t *particle;         /* stride: the particle of each row, -1 for padding */
   double distance_reduction; /* mean |row - neighbour| before over after renumbering; 0: not done */

@@ -1,0 +1,93 @@
+#include "base/ranks.h"
+
+#include <math.h>
+#include <string.h>
+
+/* What each rank tells the others */
+typedef struct ms_rank_report {
+  msim_status status;
+  uint32_t all, any;
+} ms_rank_report;
+
+ms_ranks *ms_ranks_create(const msim_comm *comm, const msim_allocator *alloc) {
+  ms_ranks *ranks = ms_memory_allocate(alloc, 1, sizeof *ranks);
+  if (!ranks) return NULL;
+  *ranks = (ms_ranks){.comm = comm, .n = comm->nranks, .rank = comm->rank};
+  if (MS_NEW(alloc, ranks->reports, ranks->n)) return ranks;
+  ms_memory_free(alloc, ranks);
+  return NULL;
+}
+
+void ms_ranks_destroy(const msim_allocator *alloc, ms_ranks *ranks) {
+  if (ranks) MS_FREE(alloc, ranks->reports, ranks);
+}
+
+static void keep_failure(ms_ranks *ranks, msim_status status) {
+  if (!ranks->failed) ranks->failed = status;
+}
+
+typedef msim_status reduction(void *self, int32_t n, double *values);
+
+static void reduce(ms_ranks *ranks, reduction *function, int32_t n, double *values) {
+  if (!ranks->failed) keep_failure(ranks, function(ranks->comm->self, n, values));
+  for (int32_t i = 0; i < n && ranks->failed; i++) values[i] = NAN;
+}
+
+void ms_ranks_sum(ms_ranks *ranks, int32_t n, double *values) {
+  if (ranks) reduce(ranks, ranks->comm->sum, n, values);
+}
+
+void ms_ranks_maximum(ms_ranks *ranks, int32_t n, double *values) {
+  if (ranks) reduce(ranks, ranks->comm->maximum, n, values);
+}
+
+static msim_status report_failure(const ms_ranks *ranks, msim_error *err) {
+  return ms_error_set(err, ranks->failed, "communicator '%s': %s; create a new sim",
+                      ranks->comm->name, ranks->comm->reason(ranks->comm->self));
+}
+
+/* Pass the message of the first rank that failed to all others. */
+static msim_status share_message(ms_ranks *ranks, int32_t root, msim_error *err) {
+  msim_error message = {.status = ranks->reports[root].status};
+  const msim_comm *c = ranks->comm;
+  if (root == ranks->rank && err) message = *err;
+  message.text[MS_ERROR_LENGTH - 1] = 0;
+  keep_failure(ranks, c->broadcast(c->self, root, sizeof message.text, message.text));
+  if (ranks->failed) return report_failure(ranks, err);
+  message.status = ranks->reports[root].status;
+  if (root == ranks->rank) return message.status;
+  return ms_error_set(err, message.status, "%s",
+                      *message.text ? message.text : msim_status_text(message.status));
+}
+
+msim_status ms_ranks_agree_on(ms_ranks *ranks, msim_status status, ms_agreement *bits,
+                              msim_error *err) {
+  if (!ranks) return status;
+  ms_rank_report *all = ranks->reports, own = {.status = status};
+  if (bits) own.all = bits->all, own.any = bits->any;
+  if (!ranks->failed)
+    keep_failure(ranks, ranks->comm->gather(ranks->comm->self, sizeof own, &own, all));
+  if (ranks->failed) return report_failure(ranks, err);
+  for (int32_t r = 0; r < ranks->n && bits; r++) bits->all &= all[r].all, bits->any |= all[r].any;
+  for (int32_t r = 0; r < ranks->n; r++)
+    if (all[r].status) return share_message(ranks, r, err);
+  return MSIM_OK;
+}
+
+void ms_ranks_gather_parts(ms_ranks *ranks, const int64_t *bytes, const void *mine, void *all) {
+  const msim_comm *c = ranks->comm;
+  if (!ranks->failed) keep_failure(ranks, c->gather_parts(c->self, bytes, mine, all));
+}
+
+void ms_ranks_all_to_all(ms_ranks *ranks, const int64_t *send_bytes, const void *send,
+                         const int64_t *receive_bytes, void *receive) {
+  const msim_comm *c = ranks->comm;
+  if (!ranks->failed)
+    keep_failure(ranks, c->all_to_all(c->self, send_bytes, send, receive_bytes, receive));
+}
+
+void ms_ranks_exchange(ms_ranks *ranks, int32_t n, const msim_comm_message *messages) {
+  const msim_comm *c = ranks->comm;
+  if (!ranks->failed) keep_failure(ranks, c->exchange_begin(c->self, n, messages));
+  if (!ranks->failed) keep_failure(ranks, c->exchange_end(c->self));
+}

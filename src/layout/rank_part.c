@@ -1,0 +1,141 @@
+#include "layout/rank_part.h"
+
+#include "layout/bisection.h"
+#include "layout/whole_order.h"
+
+enum { NONE = -1 };
+
+static int is_own(const ms_rank_part *part, int32_t p) {
+  return part->owner[p] == part->ranks->rank;
+}
+
+/*------------------------------------- division -------------------------------------------------*/
+
+static int create_scratch(const ms_scene *scene, ms_rank_part *part) {
+  const size_t n = (size_t)part->ranks->n;
+  size_t own = 0, all = 0;
+  if (!MS_NEW(&scene->alloc, part->bytes, n) || !MS_NEW(&scene->alloc, part->next, n)) return 0;
+  for (int32_t p = 0; p < scene->nparticles; p++) {
+    own += is_own(part, p) ? 1 : 0, all += part->owner[p] >= 0 ? 1 : 0;
+    if (part->owner[p] >= 0) part->bytes[part->owner[p]] += 3 * (int64_t)sizeof(double);
+  }
+  return MS_NEW(&scene->alloc, part->own, 3 * own) && MS_NEW(&scene->alloc, part->all, 3 * all);
+}
+
+msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
+                                msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  int32_t *scratch = NULL;
+  ms_rank_part *p = *part = ms_memory_allocate(alloc, 1, sizeof *p);
+  if (p) p->ranks = ranks;
+  int fits =
+      p && MS_NEW(alloc, p->owner, scene->nparticles) && MS_NEW(alloc, scratch, scene->nparticles);
+  if (fits) ms_bisection_assign(scene, ranks->n, p->owner, scratch);
+  fits = fits && create_scratch(scene, p);
+  ms_memory_free(alloc, scratch);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the parts of the ranks");
+}
+
+void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part) {
+  if (!part) return;
+  MS_FREE(alloc, part->owner, part->bytes, part->next, part->own, part->all, part);
+}
+
+double ms_rank_part_imbalance(const ms_scene *scene, const ms_rank_part *part) {
+  int64_t most = 0, all = 0;
+  for (int32_t r = 0; r < part->ranks->n; r++) {
+    int64_t own = 0;
+    for (int32_t p = 0; p < scene->nparticles; p++) own += part->owner[p] == r;
+    all += own;
+    if (own > most) most = own;
+  }
+  return all ? (double)most * part->ranks->n / (double)all : 1;
+}
+
+void ms_rank_part_gather(ms_rank_part *part, int32_t nparticles, double *array) {
+  int64_t at = 0;
+  double *to = part->own;
+  for (int32_t p = 0; p < nparticles; p++)
+    for (size_t c = 0; c < 3 && is_own(part, p); c++) *to++ = array[3 * (size_t)p + c];
+  ms_ranks_gather_parts(part->ranks, part->bytes, part->own, part->all);
+  if (part->ranks->failed) return;
+  for (int32_t r = 0; r < part->ranks->n; r++) {
+    part->next[r] = at;
+    at += part->bytes[r] / (int64_t)sizeof(double);
+  }
+  for (int32_t p = 0; p < nparticles; p++)
+    for (size_t c = 0; c < 3 && part->owner[p] >= 0; c++)
+      array[3 * (size_t)p + c] = part->all[part->next[part->owner[p]]++];
+}
+
+/*------------------------------------- the island of a rank -------------------------------------*/
+
+/* Ends of own springs that are not own go to the bucket of their owner, pinned ones to the last. */
+static int mark_end(const ms_rank_part *part, int32_t n, const int32_t *end, int32_t *bucket) {
+  int own = 0;
+  for (int32_t c = 0; c < n; c++) own |= is_own(part, end[c]);
+  for (int32_t c = 0; c < n && own; c++) {
+    const int32_t owner = part->owner[end[c]];
+    if (!is_own(part, end[c])) bucket[end[c]] = owner == MS_NO_OWNER ? part->ranks->n : owner;
+  }
+  return own;
+}
+
+/* to: scratch for each spring and angular spring; bucket: as mark_end, NONE at first */
+static int list_springs(const ms_scene *s, const ms_rank_part *part, int32_t *to, int32_t *bucket,
+                        ms_islands *out) {
+  for (int32_t e = 0; e < s->nsprings; e++)
+    to[e] = mark_end(part, 2, s->ij + 2 * (size_t)e, bucket) ? 0 : NONE;
+  if (!ms_buckets_create(&s->alloc, s->nsprings, to, 1, &out->springs)) return 0;
+  for (int32_t e = 0; e < s->angles.n; e++)
+    to[e] = mark_end(part, 3, s->angles.ijk + 3 * (size_t)e, bucket) ? 0 : NONE;
+  return ms_buckets_create(&s->alloc, s->angles.n, to, 1, &out->angles);
+}
+
+static int list_free(const ms_scene *s, const ms_rank_part *part, const ms_whole_order *order,
+                     int32_t *to, ms_islands *out) {
+  for (int32_t k = 0; k < order->nfree; k++) to[k] = is_own(part, order->particle[k]) ? 0 : NONE;
+  if (!ms_buckets_create(&s->alloc, order->nfree, to, 1, &out->free)) return 0;
+  for (int32_t k = 0; k < out->free.first[1]; k++)
+    out->free.item[k] = order->particle[out->free.item[k]];
+  return 1;
+}
+
+/* Ghosts, by owner, and pinned particles */
+static int list_pinned(const ms_scene *s, const ms_rank_part *part, const int32_t *bucket,
+                       ms_islands *out) {
+  const int32_t n = part->ranks->n;
+  ms_buckets *b = &out->pinned;
+  if (!ms_buckets_create(&s->alloc, s->nparticles, bucket, n + 1, b)) return 0;
+  out->nghosts = b->first[n];
+  b->first[1] = b->first[n + 1]; /* the only island has all of them */
+  return 1;
+}
+
+static int fill_island(const ms_scene *s, const ms_rank_part *part, const ms_whole_order *order,
+                       int32_t *to, int32_t *bucket, ms_islands *out) {
+  for (int32_t p = 0; p < s->nparticles; p++) bucket[p] = NONE;
+  return list_free(s, part, order, to, out) && list_springs(s, part, to, bucket, out) &&
+         list_pinned(s, part, bucket, out);
+}
+
+static int32_t largest_of(int32_t a, int32_t b, int32_t c) {
+  const int32_t ab = a > b ? a : b;
+  return ab > c ? ab : c;
+}
+
+msim_status ms_rank_part_create_island(const ms_scene *scene, const ms_rank_part *part,
+                                       const ms_whole_order *order, ms_islands *islands,
+                                       msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  const int32_t most = largest_of(scene->nparticles, scene->nsprings, scene->angles.n);
+  int32_t *to = NULL, *bucket = NULL;
+  *islands = (ms_islands){.n = 1, .order = order};
+  const int fits = MS_NEW(alloc, islands->row_scratch, scene->nparticles) &&
+                   MS_NEW(alloc, to, most) && MS_NEW(alloc, bucket, scene->nparticles) &&
+                   fill_island(scene, part, order, to, bucket, islands);
+  MS_FREE(alloc, to, bucket);
+  if (fits) return MSIM_OK;
+  ms_islands_destroy(scene, islands);
+  return ms_error_set_memory(err, "the part of this rank");
+}

@@ -1,0 +1,41 @@
+/* rank_part - the part of a scene that one rank computes: its own particles, the springs and
+ * angular springs at them, and the particles at the other ends
+ *
+ * Ghosts are unknowns of other ranks at the other end of such springs. Kernels treat them as pinned
+ * particles, which they read and never write; halo.h refreshes them. Every rank has the whole
+ * scene, and all particles keep their numbers in it. */
+#ifndef MS_RANK_PART_H
+#define MS_RANK_PART_H
+
+#include "base/ranks.h"
+#include "layout/islands.h"
+
+typedef struct ms_rank_part {
+  ms_ranks *ranks;
+  int32_t *owner; /* nparticles: the rank of each free particle (bisection.h) */
+  /* Scratch of ms_rank_part_gather: nranks, and 3 numbers of each own, and of each free particle */
+  int64_t *bytes, *next;
+  double *own, *all;
+} ms_rank_part;
+
+/* Divide the scene among `ranks`, which the part borrows. After an error it may be there, and must
+ * be destroyed. */
+msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
+                                msim_error *err);
+void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part);
+
+/* The part of this rank as the only island, whatever springs connect. Its first pinned particles
+ * are ghosts, by owner and then by number; free particles are in the order of `order`, which the
+ * island borrows. */
+msim_status ms_rank_part_create_island(const ms_scene *scene, const ms_rank_part *part,
+                                       const struct ms_whole_order *order, ms_islands *islands,
+                                       msim_error *err);
+
+/* The values of all free particles, which their owners have; collective. array: 3 numbers of each
+ * particle of the scene */
+void ms_rank_part_gather(ms_rank_part *part, int32_t nparticles, double *array);
+
+/* Largest number of own particles of a rank over the mean of all. */
+double ms_rank_part_imbalance(const ms_scene *scene, const ms_rank_part *part);
+
+#endif

@@ -1,0 +1,101 @@
+#include "layout/whole_order.h"
+
+#include <string.h>
+
+#include "layout/half_edges.h"
+#include "layout/order.h"
+
+/* The position of a half-edge of row r in ms_whole_order.position */
+static size_t half_edge_index(const ms_springs *springs, int32_t r, ms_half_edge h) {
+  return 2 * (size_t)springs->spring[h.spring] + (springs->i[h.spring] != r);
+}
+
+/*------------------------------------- one process ----------------------------------------------*/
+
+static msim_status record_split_rows(const ms_scene *scene, const ms_unknowns *rows,
+                                     const ms_adjacency *a, ms_whole_order *order,
+                                     msim_error *err) {
+  ms_half_edges h = {.nslices = rows->first_pinned / MS_SLICE};
+  if (!MS_NEW(&scene->alloc, h.first_part, rows->first_pinned))
+    return ms_error_set_memory(err, "the order of the half-edges");
+  ms_half_edges_find_split_rows(a, rows->nfree, &h);
+  for (int32_t r = 0; r < rows->nfree; r++)
+    order->is_split[rows->particle[r]] = h.first_part[r] >= 0;
+  ms_memory_free(&scene->alloc, h.first_part);
+  return MSIM_OK;
+}
+
+static void record_order(const ms_unknowns *rows, const ms_springs *springs, const ms_adjacency *a,
+                         ms_whole_order *order) {
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    order->particle[order->nfree++] = rows->particle[r];
+    for (int32_t k = a->first[r]; k < a->first[r + 1]; k++)
+      order->position[half_edge_index(springs, r, a->half_edges[k])] = k - a->first[r];
+  }
+}
+
+/* The steps of ms_layout_create up to the order of half-edges */
+static msim_status add_island(const ms_scene *scene, const ms_island *island, ms_whole_order *order,
+                              msim_error *err) {
+  ms_unknowns rows = {0};
+  ms_springs springs = {0};
+  ms_adjacency a = {0};
+  msim_status status = ms_unknowns_create(scene, island, &rows, err);
+  if (!status) status = ms_springs_create(scene, island, &rows, &springs, err);
+  if (!status) status = ms_adjacency_create(scene, &rows, &springs, &a, err);
+  if (!status) status = ms_order_unknowns(scene, &rows, &springs, &a, err);
+  if (!status) status = record_split_rows(scene, &rows, &a, order, err);
+  if (!status) record_order(&rows, &springs, &a, order);
+  ms_adjacency_destroy(scene, &a);
+  ms_springs_destroy(scene, &springs);
+  ms_unknowns_destroy(scene, &rows);
+  return status;
+}
+
+msim_status ms_whole_order_create(const ms_scene *scene, int whole, ms_whole_order *order,
+                                  msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  ms_islands islands;
+  *order = (ms_whole_order){0};
+  if (!MS_NEW(alloc, order->particle, scene->nparticles) ||
+      !MS_NEW(alloc, order->position, 2 * (size_t)scene->nsprings) ||
+      !MS_NEW(alloc, order->is_split, scene->nparticles))
+    return ms_error_set_memory(err, "the order of the half-edges");
+  msim_status status = ms_islands_create(scene, whole, &islands, err);
+  if (status) return status;
+  for (int32_t i = 0; i < islands.n && !status; i++) {
+    const ms_island island = ms_islands_get(&islands, i);
+    status = add_island(scene, &island, order, err);
+  }
+  ms_islands_destroy(scene, &islands);
+  return status;
+}
+
+void ms_whole_order_destroy(const ms_scene *scene, ms_whole_order *order) {
+  MS_FREE(&scene->alloc, order->particle, order->position, order->is_split);
+  *order = (ms_whole_order){0};
+}
+
+/*------------------------------------- a part ---------------------------------------------------*/
+
+msim_status ms_whole_order_apply(const ms_scene *scene, const ms_island *island,
+                                 const ms_unknowns *rows, const ms_springs *springs,
+                                 ms_adjacency *a, msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  const size_t n = 2 * (size_t)springs->n;
+  ms_half_edge *sorted;
+  if (!MS_NEW(alloc, sorted, n) || !MS_NEW(alloc, a->is_split, rows->stride)) {
+    ms_memory_free(alloc, sorted);
+    return ms_error_set_memory(err, "the order of the half-edges");
+  }
+  memcpy(sorted, a->half_edges, n * sizeof *sorted);
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    a->is_split[r] = island->order->is_split[rows->particle[r]];
+    for (int32_t k = a->first[r]; k < a->first[r + 1]; k++)
+      sorted[a->first[r] + island->order->position[half_edge_index(springs, r, a->half_edges[k])]] =
+          a->half_edges[k];
+  }
+  ms_memory_free(alloc, a->half_edges);
+  a->half_edges = sorted;
+  return MSIM_OK;
+}
