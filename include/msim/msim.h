@@ -197,6 +197,12 @@ typedef struct msim_csr {
  * impacts are located, unless reflection keeps tol and collision is not event. `h` is ignored,
  * `steps` is refused.
  *
+ * With options.comm the ranks of this communicator simulate the scene together: each calls this
+ * function with the same scene and options, each with its own `comm`, and then all others in the
+ * same order (docs/ranks.md). They agree on every status. MSIM_ERR_UNSUPPORTED: several ranks do
+ * not support an option, the scene or, of other functions, the call. MSIM_ERR_BACKEND:
+ * communication failed. MSIM_ERR_ABI: comm was built for another version.
+ *
  * A scene is planar if along some axis all particles have the same coordinate and no velocity, and
  * gravity and all plane normals have no component. Its motion is computed in two components: equal
  * to that in three, up to rounding, and exactly planar. A matrix that is indefinite only for

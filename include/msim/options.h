@@ -145,6 +145,9 @@ typedef struct msim_options {
   const msim_recorder_type *const *recorders;
   int32_t incomplete; /* MSIM_INCOMPLETE_... [STOP]; unused under error control */
   int32_t contacts;   /* MSIM_CONTACTS_... [OFF] */
+  /* The ranks that simulate the scene together: see msim_sim_create. Nullable; must outlive the sim
+   * [NULL] */
+  const msim_comm *comm;
 } msim_options;
 
 /* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for

@@ -6,6 +6,7 @@
 #include "linear/solver_choice.h"
 #include "sim/breaking.h"
 #include "sim/step_driver.h"
+#include "sim/rank_sim.h"
 
 msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
@@ -161,6 +162,8 @@ static msim_status continue_with_springs(msim_sim *sim, const double *k, const d
 msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *rest,
                                  const double *damping, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_springs", err);
+  if (refused) return refused;
   const int32_t n = sim->scene->nsprings;
   msim_status status = check_values("k", n, k, err);
   if (!status) status = check_values("rest", n, rest, err);

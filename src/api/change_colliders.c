@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "api/change_scene.h"
+#include "sim/rank_sim.h"
 
 /* From where it is to x and rotation within `duration` from time t on */
 typedef struct collider_change {
@@ -36,6 +37,8 @@ static msim_status change_scene(msim_scene *copy, const void *data, double *x, d
 msim_status msim_sim_move_collider(msim_sim *sim, int32_t collider, const double *x,
                                    const double *rotation, double duration, msim_error *err) {
   if (!sim || !x) return ms_error_set(err, MSIM_ERR_ARG, "sim or x is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_move_collider", err);
+  if (refused) return refused;
   if (collider < 0 || collider >= sim->scene->ncolliders)
     return ms_error_set(err, MSIM_ERR_ARG, "collider is %d; there are %d colliders, counted from 0",
                         collider, sim->scene->ncolliders);

@@ -2,6 +2,7 @@
  * from the present state */
 #include "physics/energy.h"
 #include "sim/sim.h"
+#include "sim/rank_sim.h"
 
 typedef msim_status set_in_scene(msim_scene *scene, const double *values, msim_error *err);
 
@@ -74,15 +75,21 @@ static msim_status set_drag(msim_scene *scene, const double *drag, msim_error *e
 
 msim_status msim_sim_set_gravity(msim_sim *sim, const double gravity[3], msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_gravity", err);
+  if (refused) return refused;
   return change_forces(sim, msim_scene_set_gravity, gravity, err);
 }
 
 msim_status msim_sim_set_drag(msim_sim *sim, double drag, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_drag", err);
+  if (refused) return refused;
   return change_forces(sim, set_drag, &drag, err);
 }
 
 msim_status msim_sim_set_forces(msim_sim *sim, const double *force, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_forces", err);
+  if (refused) return refused;
   return change_forces(sim, msim_scene_set_forces, force, err);
 }

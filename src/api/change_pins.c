@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "api/change_scene.h"
+#include "sim/rank_sim.h"
 
 /*------------------------------------- arguments ------------------------------------------------*/
 
@@ -80,6 +81,8 @@ msim_status msim_sim_move_pinned(msim_sim *sim, int32_t n, const int32_t *partic
                                  const double *x, double duration, msim_error *err) {
   if (!sim || (n > 0 && (!particles || !x)))
     return ms_error_set(err, MSIM_ERR_ARG, "sim, particles or x is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_move_pinned", err);
+  if (refused) return refused;
   if (!(duration > 0) || !isfinite(duration))
     return ms_error_set(err, MSIM_ERR_ARG, "duration is %g; it must be a finite number > 0",
                         duration);
@@ -99,6 +102,8 @@ msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t *particl
                                 msim_error *err) {
   if (!sim || (n > 0 && !particles))
     return ms_error_set(err, MSIM_ERR_ARG, "sim or particles is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_pinned", err);
+  if (refused) return refused;
   if ((pinned | 1) != 1)
     return ms_error_set(err, MSIM_ERR_ARG, "pinned is %d; it must be 1, or 0 to let go", pinned);
   const msim_status status = check_pins(sim, n, particles, 0, err);

@@ -5,6 +5,7 @@
 #include "base/vec3.h"
 #include "physics/energy.h"
 #include "sim/reuse.h"
+#include "sim/rank_sim.h"
 
 /* A change of the present scene of a sim, and the state that it leads to */
 typedef struct change {
@@ -105,6 +106,8 @@ static msim_status restart(msim_sim *sim, const msim_state *now, change *c, msim
 
 msim_status msim_sim_edit(msim_sim *sim, const msim_edit *edit, msim_error *err) {
   if (!sim || !edit) return ms_error_set(err, MSIM_ERR_ARG, "sim or edit is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_edit", err);
+  if (refused) return refused;
   msim_state now = {.size = sizeof now};
   change c = {.rest = NULL};
   msim_sim_state(sim, &now);

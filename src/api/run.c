@@ -32,7 +32,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
       ms_sized_check(state, sizeof full, MS_SIZE_THROUGH(msim_state, v), "state", "state", err);
   if (status) return status;
   ms_sized_read(&full, sizeof full, state);
-  status = ms_sim_check_state(sim, &full, err);
+  status = ms_ranks_agree(sim->ranks, ms_sim_check_state(sim, &full, err), err);
   if (status) return status;
   return ms_sim_selects(sim) ? restart_with_choice(sim, &full, err) : ms_sim_start(sim, &full, err);
 }
@@ -150,13 +150,16 @@ static msim_status run_to_frame(msim_sim *sim, int shown, int *is_there, msim_er
   return MSIM_OK;
 }
 
-/* 1: the observer asks to stop. */
+/* 1: the observer asks to stop, on any rank. */
 static int observe(msim_sim *sim, msim_observer *observer, void *user) {
-  if (!observer) return 0;
-  sim->in_observer = 1;
-  const int enough = observer(sim, user) != 0;
-  sim->in_observer = 0;
-  return enough;
+  double enough = 0;
+  if (observer) {
+    sim->in_observer = 1;
+    enough = observer(sim, user) != 0;
+    sim->in_observer = 0;
+  }
+  ms_ranks_maximum(sim->ranks, 1, &enough);
+  return enough > 0;
 }
 
 msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msim_error *err) {
@@ -170,7 +173,8 @@ msim_status msim_sim_run(msim_sim *sim, msim_observer *observer, void *user, msi
     return ms_error_set(err, MSIM_STOPPED, "stopped by the observer at the start");
   while (!is_at_end(sim)) {
     int is_there;
-    const msim_status status = run_to_frame(sim, observer != NULL, &is_there, err);
+    const int shown = observer != NULL || sim->ranks; /* ranks may have observers or not */
+    const msim_status status = run_to_frame(sim, shown, &is_there, err);
     const int enough = is_there && observe(sim, observer, user);
     if (status) return status;
     if (enough)

@@ -19,6 +19,7 @@
 #include "checkpoint/fingerprint.h"
 #include "checkpoint/restore.h"
 #include "checkpoint/saved_scene.h"
+#include "sim/rank_sim.h"
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
@@ -85,6 +86,8 @@ size_t msim_sim_save_size(const msim_sim *sim) {
 msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                           msim_error *err) {
   if (!sim || !to || !length) return ms_error_set(err, MSIM_ERR_ARG, "sim, to or length is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_save", err);
+  if (refused) return refused;
   ms_archive b = {.direction = MS_ARCHIVE_WRITE, .data = to, .size = capacity};
   header h = {.magic = MAGIC, .order = ORDER, .version = VERSION};
   ms_saved_run_prepare_islands(sim);
@@ -134,6 +137,8 @@ static msim_status check_bytes(const void *from, size_t length, header *h, msim_
 
 msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err) {
   if (!sim || !from) return ms_error_set(err, MSIM_ERR_ARG, "sim or from is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_load", err);
+  if (refused) return refused;
   header h;
   msim_status status = check_bytes(from, length, &h, err);
   if (status) return status;

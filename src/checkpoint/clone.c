@@ -1,6 +1,7 @@
 /* clone - a second sim in the state of a sim (msim.h) */
 #include "checkpoint/restore.h"
 #include "checkpoint/saved_scene.h"
+#include "sim/rank_sim.h"
 
 static msim_status clone_sim(msim_sim *sim, msim_sim **copy, msim_error *err) {
   ms_saved_run_prepare_islands(sim);
@@ -20,6 +21,8 @@ static msim_status clone_sim(msim_sim *sim, msim_sim **copy, msim_error *err) {
 
 msim_status msim_sim_clone(msim_sim *sim, msim_sim **copy, msim_error *err) {
   if (!sim || !copy) return ms_error_set(err, MSIM_ERR_ARG, "sim or copy is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_clone", err);
+  if (refused) return refused;
   *copy = NULL;
   const msim_status status = clone_sim(sim, copy, err);
   if (!status) return ms_error_clear(err);

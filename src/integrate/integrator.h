@@ -135,7 +135,7 @@ ms_fused_step ms_stepper_kick_drift(const ms_stepper *s);
 void ms_stepper_acceleration(ms_stepper *s, const double *x, const double *v, double *a);
 
 /* Reflects x, v, the result of the step, at planes and colliders, but not under collision = event;
- * adds the work of moving colliders; returns the number of particles reflected. */
+ * adds the work of moving colliders; returns the number of particles reflected, on all ranks. */
 int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v);
 
 /* The same for a stage of the step, whose impulses do not act on its result. */

@@ -2,6 +2,7 @@
 #include "base/clock.h"
 #include "contact/contact_set.h"
 #include "contact/reflection.h"
+#include "physics/rank_model.h"
 
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
   if (method->stages) s->bounds = ms_bounds_compute_island(s->model);
@@ -57,6 +58,13 @@ int ms_stepper_is_separable(const ms_stepper *s) {
   return !(s->model->features & (MS_HAS_DAMPING | MS_HAS_DRAG)) && !ms_stepper_has_contacts(s);
 }
 
+/* Methods drop cached stages where any particle was reflected: all ranks, or none. */
+static int64_t count_on_all_ranks(const ms_stepper *s, int64_t reflected) {
+  double sum = (double)reflected;
+  ms_ranks_sum(ms_rank_model_ranks(s->model), 1, &sum);
+  return s->model->rank_model && sum >= 0 ? (int64_t)sum : reflected;
+}
+
 /* The collider at a time of its motion has the velocity of the interval before. */
 static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v, double *work) {
   if (!(s->model->features & MS_HAS_PLANES) || s->events) return 0;
@@ -64,7 +72,8 @@ static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v,
   const ms_instant end = {.t = s->t + s->h, .before = 1};
   const ms_solid *solids =
       ms_collider_motion_place_all(s->model->scene, end, s->model->moving_solids);
-  int64_t reflected = ms_reflection_apply(s->model, solids, s->x, log, x, v, work);
+  const int64_t own = ms_reflection_apply(s->model, solids, s->x, log, x, v, work);
+  const int64_t reflected = count_on_all_ranks(s, own);
   s->stats->contacts += reflected;
   s->finite = 0;
   s->stats->collide_s += ms_clock_now() - start;

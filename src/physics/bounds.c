@@ -4,6 +4,7 @@
 
 #include "physics/external_force.h"
 #include "physics/lanczos.h"
+#include "physics/rank_model.h"
 #include "scene/angles.h"
 #include "scene/laws.h"
 
@@ -188,29 +189,32 @@ static double sum_row(const ms_model *model, const double *weight, int32_t row) 
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step)
-    sum += (model->half_edges.neighbour[at] < model->unknowns.nfree ? 2 : 1) * weight[at];
+    sum += (model->half_edges.neighbour[at] < model->unknowns.first_fixed ? 2 : 1) * weight[at];
   return sum;
 }
 
 double ms_bounds_sum_stiffness(const ms_model *model, int32_t row) {
   return sum_row(model, model->half_edges.stiffness, row) +
-         ms_angles_sum_row(&model->angles, model->unknowns.nfree, model->angles.k, row);
+         ms_angles_sum_row(&model->angles, model->unknowns.first_fixed, model->angles.k, row);
 }
 
 ms_bounds ms_bounds_compute_island(const ms_model *model) {
   const msim_force_function *function = &model->scene->force_function;
   const double b = ms_external_damping(&model->external);
-  double omega2 = 0, rate = 0, heaviest = 0;
+  double omega2 = 0, rate = 0, heaviest = 0; /* largest of all ranks */
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
     const double k = ms_bounds_sum_stiffness(model, r) + function->largest_stiffness,
                  c = sum_row(model, model->half_edges.damping, r) +
-                     ms_angles_sum_row(&model->angles, model->unknowns.nfree, model->angles.damping,
-                                       r) +
+                     ms_angles_sum_row(&model->angles, model->unknowns.first_fixed,
+                                       model->angles.damping, r) +
                      function->largest_damping;
     omega2 = fmax(omega2, k * model->inv_mass[r]);
     rate = fmax(rate, (c + b) * model->inv_mass[r]);
     heaviest = fmax(heaviest, model->mass[r]);
   }
+  double most[3] = {omega2, rate, heaviest};
+  ms_ranks_maximum(ms_rank_model_ranks(model), 3, most);
+  omega2 = most[0], rate = most[1], heaviest = most[2];
   return (ms_bounds){.omega = sqrt(omega2), .rate = rate, .least_rate = b > 0 ? b / heaviest : 0};
 }
 

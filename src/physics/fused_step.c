@@ -5,6 +5,7 @@
 #include "physics/angle_springs.h"
 #include "physics/force_function.h"
 #include "physics/law_springs.h"
+#include "physics/rank_model.h"
 
 MS_TABLES(ms_force_kernels);
 
@@ -51,6 +52,7 @@ static void evaluate_function(const ms_model *model, const ms_fused_step *sweep)
 
 int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
   fused_step_job j = {.model = model, .sweep = sweep};
+  ms_rank_model_refresh(model, sweep->x, model->features & MS_HAS_DAMPING ? sweep->v : NULL);
   if (model->function) evaluate_function(model, sweep);
   ms_angle_springs_reset_forces(model);
   if (model->half_edges.nparts) sum_split_rows(model, &j);

@@ -9,6 +9,7 @@
 #include "physics/force_function.h"
 #include "physics/law_springs.h"
 #include "physics/moving_pins.h"
+#include "physics/rank_model.h"
 #include "physics/spring_law.h"
 
 static int has_velocity_forces(const ms_scene *s) {
@@ -179,6 +180,7 @@ void ms_model_update_springs(ms_model *model, unsigned skip_off) {
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
   free_added_force(model);
+  ms_rank_model_destroy(model->scene, model->rank_model);
   ms_moving_pins_destroy(model->scene, model->pins);
   ms_force_function_destroy(model->scene, model->function);
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);

@@ -19,6 +19,7 @@ enum {
 };
 
 struct ms_law_springs;
+struct ms_rank_model;
 struct ms_force_function;
 
 typedef struct ms_model {
@@ -42,6 +43,7 @@ typedef struct ms_model {
   unsigned features;           /* MS_HAS_... */
   struct ms_moving_pins *pins; /* moving_pins.h; NULL: no pinned particle moves */
   ms_solid *moving_solids;     /* ncolliders: room for the colliders at an instant */
+  struct ms_rank_model *rank_model; /* rank_model.h; NULL: one process computes all unknowns */
 } ms_model;
 
 /* The model of an island. skip_off: features to compute in any case. left_out: the axis without a

@@ -3,6 +3,7 @@
 #define MS_TOTALS_H
 
 #include "base/isa.h"
+#include "base/ranks.h"
 #include "physics/model.h"
 
 /* Of the unknowns and their springs, without pinned particles. */
@@ -21,13 +22,16 @@ typedef struct ms_totals_copy {
 /* The number of partial sums. */
 int32_t ms_totals_count_parts(const ms_model *model);
 
-/* Totals of the state x, v, by all threads of the model's pool, bit for bit the same for any number
- * of them. parts: scratch, ms_totals_count_parts. */
+/* Totals of the state x, v of the unknowns of this rank, by all threads of the model's pool, bit
+ * for bit the same for any number of them. parts: scratch, ms_totals_count_parts. Collective. */
 ms_totals ms_totals_compute(const ms_model *model, const double *x, const double *v,
                             const ms_totals_copy *copy, ms_totals *parts);
 
 /* to += more; the box becomes that around both. */
 void ms_totals_add(const ms_totals *more, ms_totals *to);
+
+/* Add the totals of all ranks; collective. Nullable: ranks. */
+void ms_totals_sum_ranks(ms_ranks *ranks, ms_totals *totals);
 
 /* Identity of ms_totals_add. */
 ms_totals ms_totals_identity(void);

@@ -8,7 +8,7 @@
 #include "record/recorders.h"
 #include "record/strain.h"
 #include "sim/frames.h"
-#include "sim/sim.h"
+#include "sim/rank_sim.h"
 
 struct msim_recorder {
   msim_sim *sim;
@@ -244,10 +244,12 @@ static msim_status open_at(msim_sim *sim, const char *path, int how, msim_record
                            msim_error *err) {
   if (!sim || !path || !recorder)
     return ms_error_set(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
+  msim_status status = ms_rank_sim_refuse(sim, "a recorder", err);
+  if (status) return status;
   const double start = ms_clock_now();
   *recorder = NULL;
   msim_recorder *r = NULL;
-  msim_status status = create_recorder(sim, path, &r, err);
+  status = create_recorder(sim, path, &r, err);
   if (!status)
     status = how == RESUME ? open_for_resume(r, path, err)
                            : open_new_trajectory(r, path, how == REPLACE, err);

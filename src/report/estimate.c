@@ -4,6 +4,7 @@
 #include "base/sized.h"
 #include "choose/pilot_run.h"
 #include "sim/sim.h"
+#include "sim/rank_sim.h"
 
 /* The steps tried: the first ones differ from the later ones by the start of the method, and under
  * error control by the search for the length of a step. */
@@ -79,6 +80,8 @@ static msim_status estimate_by_clone(msim_sim *clone, msim_estimate *found, msim
 
 msim_status msim_sim_estimate(msim_sim *sim, msim_estimate *estimate, msim_error *err) {
   if (!sim || !estimate) return ms_error_set(err, MSIM_ERR_ARG, "sim or estimate is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_estimate", err);
+  if (refused) return refused;
   msim_sim *clone;
   msim_estimate found = {0};
   msim_status status = msim_sim_clone(sim, &clone, err);

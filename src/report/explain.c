@@ -12,6 +12,7 @@
 #include "scene/laws.h"
 #include "sim/frames.h"
 #include "sim/sim.h"
+#include "sim/rank_sim.h"
 
 /* 1: an island has this feature. */
 static int has_feature(const msim_sim *sim, unsigned feature) {
@@ -415,6 +416,8 @@ static void explain_limits(const msim_sim *sim, ms_text *out) {
 
 msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) {
   if (!sim || !text) return ms_error_set(err, MSIM_ERR_ARG, "sim or text is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_explain", err);
+  if (refused) return refused;
   msim_status status = ms_step_limit_compute(sim, err);
   if (status) return status;
   ms_text *out = &sim->explanation;

@@ -2,7 +2,9 @@
 #include "contact/contact_log.h"
 #include "contact/implicit_contact.h"
 #include "integrate/multirate.h"
+#include "layout/whole_order.h"
 #include "physics/law_springs.h"
+#include "physics/rank_model.h"
 #include "sim/breaking.h"
 #include "sim/island_step.h"
 #include "sim/reuse.h"
@@ -37,11 +39,23 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   return events ? ms_contact_set_create(&m->model, &s->events, err) : MSIM_OK;
 }
 
-static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
-  ms_islands islands;
+/* Those of the scene, or the part of this rank as one. order: lasts as long as they do */
+static msim_status create_islands(const msim_sim *sim, ms_whole_order *order, ms_islands *islands,
+                                  msim_error *err) {
   const int whole = (sim->config.opt.skip_off & MSIM_SKIP_ISLANDS) != 0;
-  msim_status status = ms_islands_create(sim->scene, whole, &islands, err);
-  if (status) return status;
+  if (!sim->part) return ms_islands_create(sim->scene, whole, islands, err);
+  const msim_status status = ms_whole_order_create(sim->scene, whole, order, err);
+  return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
+}
+
+static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
+  ms_islands islands = {0};
+  ms_whole_order order = {0};
+  msim_status status = create_islands(sim, &order, &islands, err);
+  if (status) {
+    ms_whole_order_destroy(sim->scene, &order);
+    return status;
+  }
   sim->islands = ms_memory_allocate(&sim->alloc, (size_t)islands.n, sizeof *sim->islands);
   if (sim->islands) sim->nislands = islands.n;
   else status = ms_error_set_memory(err, "the islands");
@@ -54,6 +68,7 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
       sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
+  ms_whole_order_destroy(sim->scene, &order);
   return status;
 }
 
@@ -121,10 +136,12 @@ static void require_block_matrix(msim_sim *sim) {
 msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *err) {
   require_block_matrix(sim);
   msim_status status = create_island_models(sim, left_out, err);
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (!status && sim->part) status = ms_rank_model_connect(&sim->islands->model, sim->part, err);
   if (!status) assign_threads(sim);
   for (int32_t i = 0; i < sim->nislands && !status; i++)
     status = create_island_stepper(sim, &sim->islands[i], err);
-  return status;
+  return ms_ranks_agree(sim->ranks, status, err);
 }
 
 static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, int32_t nislands) {

@@ -49,6 +49,7 @@ static ms_totals measure_totals(msim_sim *sim) {
       g->totals = ms_totals_compute(&m->model, m->stepper.x, m->stepper.v, &g->measured, g->parts);
     ms_totals_add(&g->totals, &sum);
   }
+  ms_totals_sum_ranks(sim->ranks, &sum);
   return sum;
 }
 
@@ -64,6 +65,7 @@ static double external_work(const msim_sim *sim, const ms_totals *t) {
   double potential = 0;
   for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     potential += ms_force_function_compute_potential(&m->model, m->stepper.x);
+  if (sim->scene->force_function.potential) ms_ranks_sum(sim->ranks, 1, &potential);
   return ms_external_work(&sim->scene->external, t->moment) + t->force_work - potential;
 }
 
@@ -131,6 +133,23 @@ static void add_particle_facts(const ms_scene *s, double t, int32_t p, const dou
   }
 }
 
+/* The facts of the particles of all ranks */
+static void share_facts(ms_ranks *ranks, scene_facts *f) {
+  double sums[] = {f->mass, f->force};
+  double most[] = {f->least > 0 ? -f->least : -INFINITY, f->most_force, f->farthest, f->height,
+                   f->depth};
+  if (!ranks) return;
+  ms_ranks_sum(ranks, 2, sums);
+  ms_ranks_maximum(ranks, 5, most);
+  *f = (scene_facts){.mass = sums[0],
+                     .force = sums[1],
+                     .least = most[0] > -INFINITY ? -most[0] : 0,
+                     .most_force = most[1],
+                     .farthest = most[2],
+                     .height = most[3],
+                     .depth = most[4]};
+}
+
 /* box: that of the free particles; on return it contains pinned ones, too */
 static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
   const ms_scene *s = sim->scene;
@@ -141,6 +160,7 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
       ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
       add_particle_facts(s, time_of(sim), m->model.unknowns.particle[r], x, &f);
     }
+  share_facts(sim->ranks, &f);
   for (int32_t p = 0; p < s->nparticles; p++) {
     const double *x = s->x + 3 * (size_t)p;
     ms_totals one = {.low = {x[0], x[1], x[2]}, .high = {x[0], x[1], x[2]}};
@@ -243,13 +263,13 @@ static int32_t find_extreme_particle(const msim_sim *sim, int fastest, const dou
   return first;
 }
 
-static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
-                                   const energy_bounds *b, msim_error *err) {
+static msim_status write_unstable(const msim_sim *sim, const ms_totals *now, const energy_bounds *b,
+                                  double *most, msim_error *err) {
   const double energy = now->kinetic + now->elastic;
   const int fast = !(energy <= ALLOWED * b->bound);
-  double from[3] = {0}, size;
+  double from[3] = {0};
   for (int c = 0; c < 3 && !fast; c++) from[c] = 0.5 * (now->low[c] + now->high[c]);
-  const int32_t particle = find_extreme_particle(sim, fast, from, &size);
+  const int32_t particle = find_extreme_particle(sim, fast, from, most);
   const long long step = sim->run.step, kept = sim->monitor.good.step;
   if (fast)
     return ms_error_set(
@@ -258,13 +278,23 @@ static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
         "%.3g J, more than %d times the bound of %.3g J from initial energy and gravity, and this "
         "particle is the fastest, with %.3g m/s; the state of step %lld was restored; use a "
         "smaller h or tol, or another integrator",
-        step, time_of(sim), particle, energy, ALLOWED, b->bound, size, kept);
+        step, time_of(sim), particle, energy, ALLOWED, b->bound, *most, kept);
   return ms_error_set(
       err, MSIM_UNSTABLE,
       "step %lld, t = %g s, particle %d: the run is unstable: the extent of the scene is %.3g m, "
       "more than %d times the bound of %.3g m from its speed, and this particle is farthest out; "
       "the state of step %lld was restored; use a smaller h or tol, or another integrator",
       step, time_of(sim), particle, extent_of(now), ALLOWED, b->extent, kept);
+}
+
+/* All ranks report the extreme particle, which one of them has. */
+static msim_status report_unstable(const msim_sim *sim, const ms_totals *now,
+                                   const energy_bounds *b, msim_error *err) {
+  double own, most;
+  const msim_status status = write_unstable(sim, now, b, &own, err);
+  most = own;
+  ms_ranks_maximum(sim->ranks, 1, &most);
+  return ms_ranks_agree(sim->ranks, own == most ? status : MSIM_OK, err);
 }
 
 msim_status ms_energy_monitor_check(msim_sim *sim, msim_error *err) {

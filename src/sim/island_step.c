@@ -72,10 +72,10 @@ int ms_island_step_may_retry(msim_status status) {
   return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
 }
 
-/* 0 if the method carries variables that depend on h. */
+/* 0 if the method carries variables that depend on h, or ranks would have to agree. */
 int32_t ms_island_step_count_retries(const msim_sim *sim) {
   enum { USUAL = 6 };
-  if (sim->config.integrator->convert_state) return 0;
+  if (sim->config.integrator->convert_state || sim->part) return 0;
   if (sim->config.opt.newton_retries >= 0) return sim->config.opt.newton_retries;
   const ms_integrator *method = sim->config.integrator;
   const int may_gain_energy = method->entry.implicit && sim->scene->ncolliders > 0 &&

@@ -4,7 +4,7 @@
  * sim's own matrices may not have. So it has a model of its own, built at the first request. */
 #include "base/sized.h"
 #include "physics/force_function.h"
-#include "sim/sim.h"
+#include "sim/rank_sim.h"
 
 #define WHOLE (MSIM_SKIP_TWO_D | MSIM_SKIP_ZERO_REST_LENGTH)
 
@@ -75,6 +75,8 @@ static msim_status linearize_function(const msim_sim *sim, ms_matrix_export *w, 
 
 msim_status msim_sim_matrix(msim_sim *sim, msim_csr *A, msim_error *err) {
   if (!sim || !A) return ms_error_set(err, MSIM_ERR_ARG, "sim or A is NULL");
+  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_matrix", err);
+  if (refused) return refused;
   if (!sim->config.integrator->entry.implicit)
     return ms_error_set(err, MSIM_ERR_ARG, "integrator '%s' needs no matrix",
                         sim->config.integrator->entry.name);

@@ -53,10 +53,19 @@ static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
   }
 }
 
+/* Each rank has the state of its own particles; now all have that of all. */
+static void gather_ranks(msim_sim *sim) {
+  const int32_t n = sim->scene->nparticles;
+  ms_rank_part_gather(sim->part, n, sim->state_x);
+  ms_rank_part_gather(sim->part, n, sim->state_v);
+  if (sim->config.integrator->sync) ms_rank_part_gather(sim->part, n, sim->state_v_half);
+}
+
 /* Copy the state to the arrays in particle order, at most once per step, and only on demand. */
 static void update_state_arrays(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands && !sim->state_is_current; i++)
     copy_island_state(sim, &sim->islands[i]);
+  if (sim->part && !sim->state_is_current) gather_ranks(sim);
   if (!sim->state_is_current)
     ms_moving_pins_set_arrays(sim->scene, (ms_instant){.t = ms_sim_time(sim)}, sim->state_x,
                               sim->state_v);
@@ -75,6 +84,7 @@ msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
                      .h = sim->run.h,
                      .work = sim->run.work,
                      .nsprings = sim->scene->nsprings};
+  if (sim->ranks && sim->ranks->failed) return sim->ranks->failed;
   return ms_sized_write(state, &full, sizeof full);
 }
 
@@ -125,7 +135,7 @@ static void add_island_force(const ms_island_sim *m, double t, const double *x, 
 void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
   const ms_scene *scene = sim->scene;
   const int32_t left_out = sim->islands->model.unknowns.dropped_axis;
-  if (left_out >= 0 && !ms_planar_is_in_plane(scene, left_out, x, v)) {
+  if (sim->part || (left_out >= 0 && !ms_planar_is_in_plane(scene, left_out, x, v))) {
     ms_reference_compute_force(scene, x, v, force);
     return;
   }

@@ -32,7 +32,7 @@ void ms_sim_move_pins(msim_sim *sim, double t) {
   if (sim->scene->nmotions == 0) return;
   if (ms_moving_pins_next_time(sim->scene, t) <= time_of_steps(sim) * (1 + 1e-12))
     for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-      if (m->model.pins) m->stepper.cached_stage = 0;
+      if (m->model.pins || sim->ranks) m->stepper.cached_stage = 0; /* the same on all ranks */
   ms_sim_set_pins(sim);
   ms_sim_start_pins(sim);
   sim->run.work += sim->run.pin_energy - before;

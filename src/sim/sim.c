@@ -7,6 +7,7 @@
 #include "linear/backends.h"
 #include "methods/methods.h"
 #include "sim/breaking.h"
+#include "sim/rank_sim.h"
 #include "contact/reflection.h"
 #include "sim/start_check.h"
 #include "sim/step_driver.h"
@@ -178,25 +179,20 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
   return MSIM_OK;
 }
 
-static msim_status init_sim(msim_sim *sim, const msim_options *opt, ms_sim_choose *choose,
-                            msim_error *err) {
+/* All that precedes the islands */
+static msim_status prepare_sim(msim_sim *sim, const msim_options *opt, const msim_state *start,
+                               ms_sim_choose *choose, msim_error *err) {
   msim_status status = set_options(sim, opt, err);
+  if (!status) status = ms_rank_sim_check(sim, err);
   if (!status) status = ms_breaking_prepare(sim, err);
   if (!status) status = ms_reflection_check(sim->scene, err);
-  const msim_state start = {
-      .size = sizeof start, .n = sim->scene->nparticles, .x = sim->scene->x, .v = sim->scene->v};
   if (!status) ms_start_check_warn(sim);
-  if (!status && ms_sim_selects(sim)) status = choose(sim, 0, &start, err);
+  if (!status && ms_sim_selects(sim)) status = choose(sim, 0, start, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim))
     status = ms_step_limit_resolve_auto(sim, &sim->config.opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
-  if (!status) status = ms_sim_reserve_state(sim, sim->scene->nparticles, err);
-  if (!status)
-    status =
-        ms_sim_build_islands(sim, ms_planar_find_axis(sim->scene, sim->config.opt.skip_off), err);
-  if (status) return status;
-  return ms_sim_start(sim, &start, err);
+  return status ? status : ms_sim_reserve_state(sim, sim->scene->nparticles, err);
 }
 
 /* NULL: out of memory. */
@@ -226,14 +222,48 @@ msim_status ms_sim_create_empty_copy(const msim_sim *from, msim_sim **sim, msim_
   return status ? status : ms_sim_reserve_state(s, s->scene->nparticles, err);
 }
 
+static msim_state initial_state(const ms_scene *scene) {
+  return (msim_state){
+      .size = sizeof(msim_state), .n = scene->nparticles, .x = scene->x, .v = scene->v};
+}
+
+/* A sim without islands; NULL after an error. Ranks do this each for itself, and agree on the
+ * status. Takes over `ranks`. */
+static msim_status create_prepared(ms_scene *scene, ms_ranks *ranks, const msim_options *opt,
+                                   ms_sim_choose *choose, msim_sim **sim, msim_error *err) {
+  msim_sim *s = allocate_sim(scene, err);
+  msim_status status = s ? MSIM_OK : MSIM_ERR_MEMORY;
+  const msim_state start = initial_state(scene);
+  if (s && ranks) status = ms_rank_part_create(scene, ranks, &s->part, err);
+  if (!status) status = prepare_sim(s, opt, &start, choose, err);
+  status = ms_ranks_agree(ranks, status, err);
+  if (s) s->ranks = ranks;
+  else ms_ranks_destroy(&scene->alloc, ranks);
+  if (status) msim_sim_destroy(s);
+  else *sim = s;
+  return status;
+}
+
+static msim_status start_created(msim_sim *sim, msim_error *err) {
+  const int32_t left_out = ms_planar_find_axis(sim->scene, sim->config.opt.skip_off);
+  const msim_state start = initial_state(sim->scene);
+  msim_status status = ms_rank_sim_compare(sim, err);
+  if (!status) status = ms_sim_build_islands(sim, left_out, err);
+  return status ? status : ms_sim_start(sim, &start, err);
+}
+
 msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
                           msim_sim **sim, msim_error *err) {
   *sim = NULL;
   ms_scene *data = scene->data;
+  msim_options full;
+  ms_ranks *ranks;
+  msim_sim *s = NULL;
   if (data->nparticles == 0) return ms_error_set(err, MSIM_ERR_ARG, "the scene has no particles");
-  msim_sim *s = allocate_sim(data, err);
-  if (!s) return MSIM_ERR_MEMORY;
-  msim_status status = init_sim(s, opt, choose, err);
+  msim_status status = ms_options_copy(opt, &full, err);
+  if (!status) status = ms_rank_sim_join(full.comm, &data->alloc, &ranks, err);
+  if (!status) status = create_prepared(data, ranks, opt, choose, &s, err);
+  if (!status) status = start_created(s, err);
   if (status) {
     msim_sim_destroy(s);
     return status;
@@ -253,6 +283,8 @@ void msim_sim_destroy(msim_sim *sim) {
   ms_pool_destroy(sim->pool);
   ms_text_free(&sim->explanation);
   ms_sim_free_state(sim);
+  ms_rank_part_destroy(&sim->alloc, sim->part);
+  ms_ranks_destroy(&sim->alloc, sim->ranks);
   MS_FREE(&sim->alloc, sim->solver, sim->plugin_path, sim->contacts);
   ms_scene_release(sim->scene);
   ms_scene_release(sim->chosen_for);
@@ -271,7 +303,7 @@ msim_status ms_sim_make_steps(msim_sim *sim, int64_t n, msim_error *err) {
     status = ms_step_driver_make_step(sim, err);
     if (!status) status = ms_breaking_follow(sim, err);
     if (status > 0) ms_energy_monitor_restore(sim, err);
-    const int stopped = !status && atomic_exchange(&sim->stop, 0);
+    const int stopped = !status && ms_rank_sim_takes_stop(sim);
     if (!status && (stopped || ms_energy_monitor_is_due(sim)))
       status = ms_energy_monitor_check(sim, err);
     if (!status && stopped)

@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
+#include "layout/rank_part.h"
 #include "sim/energy_monitor.h"
 #include "sim/error_growth.h"
 #include "sim/run_state.h"
@@ -40,6 +41,9 @@ struct ms_island_reuse;
 
 struct msim_sim {
   msim_allocator alloc;
+  ms_ranks *ranks;        /* that share the scene; NULL: one process has all of it */
+  ms_rank_part *part;     /* what this rank computes; NULL likewise */
+  int ranks_stop;         /* 1: the ranks have agreed to stop after the step just made */
   ms_scene *scene;        /* reference counted */
   ms_scene *created_from; /* has the forces and pins of the creation; NULL: `scene` has them */
   ms_scene *edited_from;  /* the scene before the first edit; NULL: there was none */

@@ -195,6 +195,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
     for (int32_t i = 0; i < sim->nislands; i++)
       ms_unknowns_scatter(&sim->islands[i].model.unknowns, sim->islands[i].stepper.v,
                           sim->state_v_half);
+    if (sim->part) ms_rank_part_gather(sim->part, state->n, sim->state_v_half);
   }
   sim->state_is_current = 1;
   ms_sim_start_pins(sim);

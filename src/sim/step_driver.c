@@ -14,6 +14,7 @@
 #include "physics/offender.h"
 #include "sim/frames.h"
 #include "sim/island_step.h"
+#include "sim/rank_sim.h"
 
 /*------------------------------------- one island -----------------------------------------------*/
 
@@ -137,6 +138,7 @@ static void count_work(msim_sim *sim) {
   double sum = 0;
   for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     if (!m->at_rest) sum += m->stepper.work_in_step;
+  ms_ranks_sum(sim->ranks, 1, &sum);
   sim->run.work += sum, sim->run.moved += fabs(sum);
 }
 
@@ -178,8 +180,10 @@ static msim_status report_failed_step(const msim_sim *sim, const ms_island_sim *
 static msim_status make_fixed_sim_step(msim_sim *sim, msim_error *err) {
   msim_error why;
   const step_outcome o = try_all_islands(sim, sim->run.h, 0, &why);
-  if (o.m)
-    return report_failed_step(sim, o.m, ms_sim_time(sim) + sim->run.h, o.status, o.why->text, err);
+  msim_status status = o.status;
+  if (o.m) report_failed_step(sim, o.m, ms_sim_time(sim) + sim->run.h, o.status, o.why->text, err);
+  status = ms_rank_sim_agree_on_step(sim, status, err);
+  if (status) return status;
   const double t = ms_sim_time(sim);
   accept_step(sim);
   ms_sim_move_pins(sim, t);

@@ -1,0 +1,37 @@
+/* rank_model - what joins a rank's model with those of the other ranks: its ghosts, and the springs
+ * whose energy another rank counts */
+#ifndef MS_RANK_MODEL_H
+#define MS_RANK_MODEL_H
+
+#include "layout/halo.h"
+#include "physics/model.h"
+
+/* A spring between two ranks belongs to the model of both. Its energy counts at the owner of its
+ * first free end, that of an angular spring at the owner of its first free corner. */
+struct ms_rank_model {
+  ms_halo *halo;
+  int32_t nsprings, nangles;
+  int32_t *spring, *angle; /* those that count elsewhere, of model->springs and model->angles */
+};
+
+/* Connect the model with those of the other ranks, which get the same features; collective. After
+ * an error it may be there, and ms_model_destroy destroys it. */
+msim_status ms_rank_model_connect(ms_model *model, const ms_rank_part *part, msim_error *err);
+void ms_rank_model_destroy(const ms_scene *scene, struct ms_rank_model *m);
+
+/* The ghosts of x, and of v if it is not NULL, become what their owners have; collective. */
+static inline void ms_rank_model_refresh(const ms_model *model, const double *x, const double *v) {
+  if (model->rank_model) /* x and v are vectors of a stepper or solver */
+    ms_halo_refresh(model->rank_model->halo, model->unknowns.dims, model->unknowns.stride,
+                    (double *)(uintptr_t)x, (double *)(uintptr_t)v);
+}
+
+/* The ranks of the model; NULL: one process */
+static inline ms_ranks *ms_rank_model_ranks(const ms_model *model) {
+  return model->rank_model ? model->rank_model->halo->ranks : NULL;
+}
+
+/* The elastic energy at x of springs that count elsewhere; 0 in one process */
+double ms_rank_model_foreign_energy(const ms_model *model, const double *x);
+
+#endif

@@ -1,0 +1,145 @@
+#include "sim/rank_sim.h"
+
+#include <string.h>
+
+#include "base/archive.h"
+#include "base/comm_plugin.h"
+#include "base/isa.h"
+#include "scene/laws.h"
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+msim_status ms_rank_sim_join(const msim_comm *comm, const msim_allocator *alloc, ms_ranks **ranks,
+                             msim_error *err) {
+  *ranks = NULL;
+  if (!comm) return MSIM_OK;
+  const msim_status status = ms_comm_plugin_check(comm, err);
+  if (status || comm->nranks == 1) return status;
+  *ranks = ms_ranks_create(comm, alloc);
+  double missing = *ranks ? 0 : 1; /* a sum needs no memory */
+  const msim_status failed = comm->sum(comm->self, 1, &missing);
+  if (!failed && missing == 0) return MSIM_OK;
+  ms_ranks_destroy(alloc, *ranks);
+  *ranks = NULL;
+  if (!failed) return ms_error_set_memory(err, "the communicator");
+  return ms_error_set(err, failed, "communicator '%s': %s", comm->name, comm->reason(comm->self));
+}
+
+/*------------------------------------- refusals -------------------------------------------------*/
+
+/* What ranks do not support, and what to use; NULL: nothing */
+typedef struct refusal {
+  const char *what, *remedy;
+} refusal;
+
+static refusal find_refused_option(const msim_sim *sim) {
+  const msim_options *opt = &sim->config.opt;
+  if (ms_sim_has_control(sim))
+    return (refusal){"error control (tol; dop853 without steps)", "set steps, and tol = 0"};
+  if (opt->collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene))
+    return (refusal){"collision = event", "use collision = reflect"};
+  if (opt->contacts != MSIM_CONTACTS_OFF) return (refusal){"contacts = on", "use contacts = off"};
+  if (opt->newton_retries > 0)
+    return (refusal){"newton.retries", "set newton.retries = 0, and a shorter h"};
+  if (ms_scene_breaks(sim->scene))
+    return (refusal){"springs that break", "use laws without break_strain and break_force"};
+  return (refusal){NULL, NULL};
+}
+
+msim_status ms_rank_sim_check(const msim_sim *sim, msim_error *err) {
+  if (!sim->part) return MSIM_OK;
+  const ms_integrator *method = sim->config.integrator;
+  const int32_t n = sim->part->ranks->n;
+  if (ms_sim_selects(sim) || method->is_multirate || method->entry.implicit)
+    return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
+                        "%d ranks do not support integrator '%s'; use velocity-verlet, or one "
+                        "process",
+                        n, ms_sim_selects(sim) ? "auto" : method->entry.name);
+  const refusal r = find_refused_option(sim);
+  if (!r.what) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
+                      "%d ranks do not support %s; %s, or use one process", n, r.what, r.remedy);
+}
+
+msim_status ms_rank_sim_refuse(const msim_sim *sim, const char *function, msim_error *err) {
+  if (!sim->part) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
+                      "%s is not supported where %d ranks share the scene; use one process",
+                      function, sim->part->ranks->n);
+}
+
+/*------------------------------------- the same scene -------------------------------------------*/
+
+/* Of the arrays that ranks divide, and of what decides which calls they make */
+static uint64_t hash_sim(const msim_sim *sim) {
+  const ms_scene *s = sim->scene;
+  const msim_options *opt = &sim->config.opt;
+  const size_t n = (size_t)s->nparticles, m = (size_t)s->nsprings, real = sizeof(double);
+  const double numbers[] = {opt->h,         (double)opt->steps, opt->t_end,
+                            opt->collision, (double)opt->every, opt->fps,
+                            opt->skip_off,  opt->watch,         ms_isa_choose()};
+  const struct {
+    const void *data;
+    size_t bytes;
+  } parts[] = {{s->x, 3 * n * real},
+               {s->v, 3 * n * real},
+               {s->mass, n * real},
+               {s->pinned, n},
+               {s->force, s->force ? 3 * n * real : 0},
+               {s->ij, 2 * m * sizeof *s->ij},
+               {s->k, m * real},
+               {s->rest, m * real},
+               {s->damping, m * real},
+               {s->law, s->law ? m * sizeof *s->law : 0},
+               {s->angles.ijk, 3 * (size_t)s->angles.n * sizeof *s->angles.ijk},
+               {s->planes, (size_t)s->nplanes * sizeof *s->planes},
+               {&s->external, sizeof s->external},
+               {opt->integrator, strlen(opt->integrator)},
+               {numbers, sizeof numbers}};
+  uint64_t hash = 0;
+  for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
+    hash = ms_archive_hash(hash, parts[i].data, parts[i].bytes);
+  return hash;
+}
+
+/* Both halves of the hash are exact as doubles: they are equal where maximum and minimum are. */
+msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err) {
+  if (!sim->ranks) return MSIM_OK;
+  const uint64_t hash = hash_sim(sim);
+  const double high = (double)(hash >> 32), low = (double)(hash & UINT32_MAX);
+  double most[] = {high, low, -high, -low};
+  ms_ranks_maximum(sim->ranks, 4, most);
+  if (most[0] == -most[2] && most[1] == -most[3]) return MSIM_OK;
+  if (sim->ranks->failed) return ms_ranks_agree(sim->ranks, MSIM_OK, err);
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "the %d ranks have different scenes or options, or processors with different "
+                      "instruction sets (set MSIM_ISA); create all sims from the same ones",
+                      sim->ranks->n);
+}
+
+/*------------------------------------- steps ----------------------------------------------------*/
+
+/* Bits of ms_agreement */
+enum { RESTS = 1, STOPS = 2, INCOMPLETE = 4 };
+
+/* A rank has one island. */
+msim_status ms_rank_sim_agree_on_step(msim_sim *sim, msim_status status, msim_error *err) {
+  if (!sim->part) return status;
+  ms_island_sim *m = sim->islands;
+  ms_agreement bits = {
+      .all = m->at_rest_next ? RESTS : 0,
+      .any = (atomic_load(&sim->stop) ? STOPS : 0) | (m->stepper.incomplete ? INCOMPLETE : 0)};
+  status = ms_ranks_agree_on(sim->ranks, status, &bits, err);
+  m->at_rest_next = (bits.all & RESTS) != 0;
+  m->stepper.incomplete = (bits.any & INCOMPLETE) != 0;
+  sim->ranks_stop = (bits.any & STOPS) != 0;
+  return status;
+}
+
+int ms_rank_sim_takes_stop(msim_sim *sim) {
+  if (!sim->part) return atomic_exchange(&sim->stop, 0);
+  const int stops = sim->ranks_stop;
+  if (stops) atomic_store(&sim->stop, 0);
+  sim->ranks_stop = 0;
+  return stops;
+}

@@ -1,0 +1,460 @@
+/* Tests of what ranks agree on: failures of one of them, requests to stop, observers, rest; each
+ * allocation of one rank that fails; options and functions that are refused. */
+#include <stdatomic.h>
+
+#include "counting_allocator.h"
+#include "rank_runs.h"
+#include "sim/sim.h"
+
+/* A rank returns its sentence by fail_rank, whose memory outlives the thread. */
+static const char *fail_rank(const msim_comm *comm, const char *what, const char *why) {
+  static char text[MOST_RANKS][1200];
+  snprintf(text[comm->rank], sizeof text[0], "rank %d: %s: %s", comm->rank, what, why);
+  return text[comm->rank];
+}
+
+#define EXPECT(condition) \
+  if (!(condition)) return fail_rank(comm, #condition, why.text)
+
+/*------------------------------------- numerical events -----------------------------------------*/
+
+/* What one process reports, and the state it leaves */
+typedef struct event {
+  run r;
+  msim_status status;
+  char text[1024];
+} event;
+
+static event find_event(const msim_scene *scene, msim_options opt, int32_t steps) {
+  event e = {.r = {.scene = scene, .opt = opt, .steps = steps}};
+  msim_error why;
+  msim_sim *sim = make_sim(scene, &opt);
+  e.status = msim_sim_step(sim, steps, &why);
+  snprintf(e.text, sizeof e.text, "%s", why.text);
+  e.r.expected = state_of(sim);
+  e.r.expected.x = copy_numbers(e.r.expected.x, e.r.expected.n);
+  e.r.expected.v = copy_numbers(e.r.expected.v, e.r.expected.n);
+  msim_sim_destroy(sim);
+  return e;
+}
+
+/* All ranks have the text of rank 0. */
+static int has_same_text(const msim_comm *comm, const char *text) {
+  char first[1024] = {0};
+  snprintf(first, sizeof first, "%s", text);
+  return comm->broadcast(comm->self, 0, sizeof first, first) == MSIM_OK && strcmp(first, text) == 0;
+}
+
+static const char *check_event(msim_comm *comm, void *data) {
+  const event *e = data;
+  msim_options opt = e->r.opt;
+  msim_sim *sim;
+  msim_error why;
+  msim_state s = {.size = sizeof s};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(e->r.scene, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_step(sim, e->r.steps, &why) == e->status);
+  EXPECT(has_same_text(comm, why.text));
+  EXPECT(strncmp(why.text, e->text, strlen("step 100, t = 0")) == 0);
+  EXPECT(msim_sim_state(sim, &s) == MSIM_OK && s.step == e->r.expected.step);
+  EXPECT(has_same_bits(s.x, e->r.expected.x, s.n) && has_same_bits(s.v, e->r.expected.v, s.n));
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void check_events(const msim_scene *scene, msim_options opt, msim_status status) {
+  event e = find_event(scene, opt, 1000);
+  assert_int_equal(e.status, status);
+  for (int32_t n = 2; n <= 4; n++) {
+    const char *wrong = run_ranks(n, check_event, &e);
+    if (wrong) fail_msg("%d ranks: %s, not %s", n, wrong, e.text);
+  }
+  free_run(&e.r);
+}
+
+/* Of particle 30, from t = 0.005 on */
+static int32_t fail_late(void *data, const msim_force_batch *b) {
+  (void)data;
+  for (int32_t i = 0; i < b->n; i++)
+    if (b->particles[i] == 30 && b->t > 0.005) return 7;
+  return 0;
+}
+
+static void events_are_those_of_one_process(void **state) {
+  (void)state;
+  const msim_force_function late = {
+      .size = sizeof late, .flags = MSIM_FORCE_TIME, .name = "late", .evaluate = fail_late};
+  msim_scene *cloth = hanging_cloth(9, 4000, 0);
+  check_events(cloth, options("velocity-verlet", 7e-4), MSIM_UNSTABLE);
+  check_events(cloth, options("rk4", 1.05e-3), MSIM_UNSTABLE);
+  check_events(cloth, options("rk4", 0.002), MSIM_NOT_FINITE); /* the last good state is restored */
+  msim_options blind = options("symplectic-euler", 0.02);
+  blind.watch = MSIM_WATCH_OFF;
+  check_events(cloth, blind, MSIM_NOT_FINITE);
+  assert_ok(msim_scene_set_force_function(cloth, &late, err));
+  check_events(cloth, options("velocity-verlet", 1e-4), MSIM_FORCE_FAILED);
+  msim_scene_destroy(cloth);
+}
+
+/*------------------------------------- stop and observers ---------------------------------------*/
+
+typedef struct stop_case {
+  const msim_scene *scene;
+  int32_t rank;    /* that asks to stop */
+  int by_observer; /* 1: its observer does; 0: msim_sim_stop in the observer of frame 3 */
+  int only_one;    /* 1: no other rank has an observer */
+  atomic_int frames[MOST_RANKS];
+} stop_case;
+
+typedef struct watcher {
+  stop_case *of;
+  int32_t rank;
+} watcher;
+
+static int watch(msim_sim *sim, void *user) {
+  const watcher *w = user;
+  const int frame = atomic_fetch_add(&w->of->frames[w->rank], 1) + 1;
+  if (w->rank != w->of->rank || frame != 3) return 0;
+  if (!w->of->by_observer) msim_sim_stop(sim);
+  return w->of->by_observer;
+}
+
+static const char *check_stop(msim_comm *comm, void *data) {
+  stop_case *c = data;
+  watcher w = {c, comm->rank};
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim;
+  msim_error why;
+  msim_state s = {.size = sizeof s};
+  const int has_observer = !c->only_one || comm->rank == c->rank;
+  opt.steps = 100, opt.every = 10, opt.comm = comm;
+  EXPECT(msim_sim_create(c->scene, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_run(sim, has_observer ? watch : NULL, &w, &why) == MSIM_STOPPED);
+  EXPECT(msim_sim_state(sim, &s) == MSIM_OK);
+  EXPECT(s.step == (c->by_observer ? 20 : 21));
+  EXPECT(msim_sim_run(sim, has_observer ? watch : NULL, &w, &why) == MSIM_OK);
+  EXPECT(msim_sim_state(sim, &s) == MSIM_OK && s.step == 100);
+  EXPECT(c->frames[comm->rank] == (has_observer ? 11 : 0));
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void ranks_stop_together(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 100, 0);
+  for (int kind = 0; kind < 12; kind++) {
+    stop_case c = {.scene = cloth, .rank = kind / 4, .by_observer = kind & 1, .only_one = kind & 2};
+    const char *wrong = run_ranks(3, check_stop, &c);
+    if (wrong) fail_msg("kind %d: %s", kind, wrong);
+  }
+  msim_scene_destroy(cloth);
+}
+
+/*------------------------------------- rest -----------------------------------------------------*/
+
+typedef struct rest_case {
+  const msim_scene *scene;
+  int64_t at_rest; /* steps, of 50 */
+} rest_case;
+
+static const char *check_rest(msim_comm *comm, void *data) {
+  const rest_case *c = data;
+  msim_options opt = options("velocity-verlet", 1e-3);
+  msim_sim *sim;
+  msim_error why;
+  msim_stats stats = {.size = sizeof stats};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(c->scene, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_step(sim, 50, &why) == MSIM_OK);
+  EXPECT(msim_sim_stats(sim, &stats) == MSIM_OK);
+  EXPECT(stats.steps == 50 && stats.steps_at_rest == c->at_rest);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void ranks_rest_together(void **state) {
+  (void)state;
+  msim_scene *rest = pinned_block(5, 1, 100, 0);
+  const double none[3] = {0, 0, 0}, push[3] = {0.01, 0, 0};
+  assert_ok(msim_scene_set_gravity(rest, none, err));
+  for (int32_t n = 1; n <= 4; n++) {
+    const char *wrong = run_ranks(n, check_rest, &(rest_case){rest, 49});
+    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+  }
+  double *force = calloc(3 * 125, sizeof *force);
+  assert_non_null(force);
+  memcpy(force + 3 * 124, push, sizeof push); /* one particle moves, and then its neighbours */
+  assert_ok(msim_scene_set_forces(rest, force, err));
+  const char *wrong = run_ranks(4, check_rest, &(rest_case){rest, 0});
+  if (wrong) fail_msg("%s", wrong);
+  free(force);
+  msim_scene_destroy(rest);
+}
+
+/*------------------------------------- want of memory -------------------------------------------*/
+
+/* Each rank has a scene of its own; the allocation `fail_at` of rank `rank` fails. */
+typedef struct memory_case {
+  int32_t rank;
+  int64_t fail_at;
+  atomic_int succeeded;
+} memory_case;
+
+static msim_scene *small_scene(const msim_allocator *alloc) {
+  const double x[24] = {0, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0, 4, 0, 0, 5, 0, 1, 6, 0, 0, 7, 0, 0},
+               mass[8] = {1, 1, 1, 1, 1, 1, 1, 1}, k[8] = {9, 9, 9, 9, 9, 9, 9, 9}, t[1] = {0};
+  const int32_t ij[16] = {0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 1, 3}, angle[3] = {3, 4, 5},
+                pin = 0, spring = 3;
+  const msim_law law = {.size = sizeof law, .kind = MSIM_LAW_TENSION};
+  const msim_motion motion = {
+      .size = sizeof motion, .n = 1, .particles = &pin, .nt = 1, .t = t, .x = x};
+  const msim_plane ground = {{0, 0, 1}, -1, 0.5, 0};
+  msim_scene *scene;
+  int32_t index;
+  if (msim_scene_create(alloc, &scene, NULL) ||
+      msim_scene_add_particles(scene, 8, x, NULL, mass, NULL) ||
+      msim_scene_add_springs(scene, 8, ij, k, NULL, NULL, NULL) ||
+      msim_scene_add_angles(scene, 1, angle, k, NULL, NULL, NULL) ||
+      msim_scene_add_law(scene, &law, &index, NULL) ||
+      msim_scene_set_law(scene, 1, &spring, index, NULL) || msim_scene_pin(scene, 1, &pin, NULL) ||
+      msim_scene_add_motion(scene, &motion, NULL) || msim_scene_add_plane(scene, &ground, NULL))
+    return NULL;
+  return scene;
+}
+
+static const char *check_memory(msim_comm *comm, void *data) {
+  memory_case *c = data;
+  counting_allocator count = {.fail_at = -1};
+  msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free, &count};
+  msim_scene *scene = small_scene(&alloc);
+  msim_options opt = options("velocity-verlet", 1e-3);
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  EXPECT(scene);
+  opt.comm = comm, opt.threads = 1, opt.newton_retries = 0;
+  if (comm->rank == c->rank) count.fail_at = count.calls + c->fail_at;
+  const int64_t before = count.live;
+  const msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+  count.fail_at = -1;
+  EXPECT(status == MSIM_OK || status == MSIM_ERR_MEMORY);
+  EXPECT(!status == !!sim && (!status || strstr(why.text, "out of memory")));
+  if (!status) {
+    EXPECT(msim_sim_step(sim, 10, &why) == MSIM_OK);
+    if (comm->rank == 0) c->succeeded = 1;
+  }
+  msim_sim_destroy(sim);
+  EXPECT(count.live == before);
+  msim_scene_destroy(scene);
+  EXPECT(count.live == 0);
+  return NULL;
+}
+
+static void each_allocation_that_fails_is_a_failure_on_all_ranks(void **state) {
+  (void)state;
+  for (int32_t n = 2; n <= 3; n++)
+    for (int32_t rank = 0; rank < n; rank++) {
+      memory_case c = {.rank = rank};
+      for (; !c.succeeded; c.fail_at++) {
+        const char *wrong = run_ranks(n, check_memory, &c);
+        if (wrong) fail_msg("%d ranks, allocation %d: %s", n, (int)c.fail_at, wrong);
+      }
+      assert_true(c.fail_at > 60);
+    }
+}
+
+/*------------------------------------- failed communication -------------------------------------*/
+
+static const char *check_lost_rank(msim_comm *comm, void *data) {
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim;
+  msim_error why;
+  msim_state s = {.size = sizeof s};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_step(sim, 7, &why) == MSIM_OK);
+  if (comm->rank == 1) msim_comm_threads_fail(comm, "rank 1 has ended");
+  if (comm->rank != 1) {
+    EXPECT(msim_sim_step(sim, 100, &why) == MSIM_ERR_BACKEND);
+    EXPECT(strstr(why.text, "rank 1 has ended"));
+    EXPECT(msim_sim_step(sim, 1, &why) == MSIM_ERR_BACKEND);
+    EXPECT(msim_sim_state(sim, &s) == MSIM_ERR_BACKEND);
+  }
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void no_rank_waits_for_one_that_has_ended(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 100, 0.01);
+  const char *wrong = run_ranks(3, check_lost_rank, cloth);
+  if (wrong) fail_msg("%s", wrong);
+  msim_scene_destroy(cloth);
+}
+
+/*------------------------------------- refusals -------------------------------------------------*/
+
+typedef struct refused {
+  const msim_scene *scene;
+  msim_options opt;
+  const char *word;
+} refused;
+
+static const char *check_refused(msim_comm *comm, void *data) {
+  const refused *r = data;
+  msim_options opt = r->opt;
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_ERR_UNSUPPORTED);
+  EXPECT(!sim && strstr(why.text, r->word) && strstr(why.text, "2 ranks do not support"));
+  return NULL;
+}
+
+static void check_refusal(const msim_scene *scene, msim_options opt, const char *word) {
+  refused r = {scene, opt, word};
+  const char *wrong = run_ranks(2, check_refused, &r);
+  if (wrong) fail_msg("%s: %s", word, wrong);
+}
+
+static void options_are_refused_on_all_ranks(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 100, 0), *breaking = hanging_cloth(9, 100, 0);
+  const msim_law law = {.size = sizeof law, .kind = MSIM_LAW_LINEAR, .break_strain = 2};
+  int32_t index;
+  assert_ok(msim_scene_add_law(breaking, &law, &index, err));
+  assert_ok(msim_scene_set_law(breaking, 1, &(int32_t){0}, index, err));
+  check_refusal(breaking, options("velocity-verlet", 1e-3), "springs that break");
+  msim_options opt = options("auto", 1e-3);
+  opt.t_end = 1;
+  check_refusal(cloth, opt, "auto");
+  check_refusal(cloth, options("respa", 1e-3), "respa");
+  check_refusal(cloth, options("implicit-midpoint", 1e-3), "implicit-midpoint");
+  opt = options("rk4", 1e-3), opt.tol = 1e-4;
+  check_refusal(cloth, opt, "tol");
+  opt = options("rk4", 1e-3), opt.newton_retries = 2;
+  check_refusal(cloth, opt, "newton.retries");
+  opt = options("rk4", 1e-3), opt.contacts = MSIM_CONTACTS_ON;
+  check_refusal(cloth, opt, "contacts");
+  plane(cloth, 0, 0, 1, -1, 0.5, 0);
+  opt = options("rk4", 1e-3), opt.collision = MSIM_COLLISION_EVENT;
+  check_refusal(cloth, opt, "collision = event");
+  msim_scene_destroy(cloth);
+  msim_scene_destroy(breaking);
+}
+
+/* Rank 1 has another scene, or another h. */
+static const char *check_differences(msim_comm *comm, void *data) {
+  const msim_scene *const *scenes = data;
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  for (int kind = 0; kind < 2; kind++) {
+    msim_options opt = options("velocity-verlet", kind == 1 && comm->rank == 1 ? 1e-3 : 1e-4);
+    opt.comm = comm;
+    EXPECT(msim_sim_create(scenes[kind == 0 && comm->rank == 1], &opt, &sim, &why) == MSIM_ERR_ARG);
+    EXPECT(!sim && strstr(why.text, "the 3 ranks have different scenes or options"));
+  }
+  return NULL;
+}
+
+static void different_scenes_are_refused(void **state) {
+  (void)state;
+  const msim_scene *scenes[2] = {hanging_cloth(9, 100, 0), hanging_cloth(9, 100.001, 0)};
+  const char *wrong = run_ranks(3, check_differences, scenes);
+  if (wrong) fail_msg("%s", wrong);
+  for (int i = 0; i < 2; i++) msim_scene_destroy((msim_scene *)(uintptr_t)scenes[i]);
+}
+
+static const char *check_functions(msim_comm *comm, void *data) {
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim, *copy;
+  msim_error why = {0};
+  msim_recorder *recorder;
+  const char *text;
+  const double k[3] = {0, 0, -1};
+  const int32_t pin = 0;
+  char bytes[64];
+  size_t length;
+  msim_edit edit = {.size = sizeof edit};
+  msim_estimate estimate = {.size = sizeof estimate};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
+  const msim_status statuses[] = {
+      msim_sim_set_springs(sim, NULL, NULL, NULL, &why),
+      msim_sim_set_gravity(sim, k, &why),
+      msim_sim_set_drag(sim, 1, &why),
+      msim_sim_set_forces(sim, NULL, &why),
+      msim_sim_move_pinned(sim, 1, &pin, k, 1, &why),
+      msim_sim_set_pinned(sim, 1, &pin, 0, &why),
+      msim_sim_move_collider(sim, 0, k, NULL, 1, &why),
+      msim_sim_edit(sim, &edit, &why),
+      msim_sim_break(sim, 0, NULL, &why),
+      msim_sim_save(sim, bytes, sizeof bytes, &length, &why),
+      msim_sim_load(sim, bytes, sizeof bytes, &why),
+      msim_sim_clone(sim, &copy, &why),
+      msim_sim_estimate(sim, &estimate, &why),
+      msim_sim_explain(sim, &text, &why),
+      msim_recorder_open(sim, "unused.csv", &recorder, &why),
+  };
+  for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++)
+    if (statuses[i] != MSIM_ERR_UNSUPPORTED) return fail_rank(comm, "a function", why.text);
+  EXPECT(strstr(why.text, "a recorder is not supported where 2 ranks share the scene"));
+  EXPECT(msim_sim_set_step(sim, 5e-5, &why) == MSIM_OK && msim_sim_step(sim, 3, &why) == MSIM_OK);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void functions_are_refused(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 100, 0);
+  const char *wrong = run_ranks(2, check_functions, cloth);
+  if (wrong) fail_msg("%s", wrong);
+  msim_scene_destroy(cloth);
+}
+
+/*------------------------------------- states ---------------------------------------------------*/
+
+/* From the state of one process, also with v(t - h/2) */
+static const char *check_states(msim_comm *comm, void *data) {
+  const run *r = data;
+  msim_options opt = r->opt;
+  msim_sim *sim;
+  msim_error why = {0};
+  msim_state wrong = r->expected;
+  opt.comm = comm;
+  EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_OK);
+  wrong.t = comm->rank == 1 ? INFINITY : 0;
+  EXPECT(msim_sim_set_state(sim, &wrong, &why) == MSIM_ERR_ARG);
+  EXPECT(strstr(why.text, "must be finite"));
+  EXPECT(msim_sim_set_state(sim, &r->expected, &why) == MSIM_OK);
+  const char *other = compare_with_run(sim, r);
+  msim_sim_destroy(sim);
+  return other;
+}
+
+static void states_are_set_on_all_ranks(void **state) {
+  (void)state;
+  const char *methods[] = {"velocity-verlet", "verlet"};
+  msim_scene *cloth = hanging_cloth(11, 300, 0);
+  for (int i = 0; i < 2; i++) {
+    run r = run_alone(cloth, options(methods[i], 1e-4), 30);
+    const char *wrong = run_ranks(3, check_states, &r);
+    if (wrong) fail_msg("%s: %s", methods[i], wrong);
+    free_run(&r);
+  }
+  msim_scene_destroy(cloth);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(events_are_those_of_one_process),
+      cmocka_unit_test(ranks_stop_together),
+      cmocka_unit_test(ranks_rest_together),
+      cmocka_unit_test(each_allocation_that_fails_is_a_failure_on_all_ranks),
+      cmocka_unit_test(no_rank_waits_for_one_that_has_ended),
+      cmocka_unit_test(options_are_refused_on_all_ranks),
+      cmocka_unit_test(different_scenes_are_refused),
+      cmocka_unit_test(functions_are_refused),
+      cmocka_unit_test(states_are_set_on_all_ranks),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}

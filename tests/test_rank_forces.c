@@ -1,0 +1,124 @@
+/* Tests of the forces that ranks support, with explicit methods: laws of springs, angular springs,
+ * force functions, pins and colliders that move: the bits of one process. */
+#include "angle_scenes.h"
+#include "laws.h"
+#include "moving_colliders.h"
+#include "rank_runs.h"
+
+static void laws_of_springs(void **state) {
+  (void)state;
+  msim_scene *undamped = law_net(90, 600, 0, 0, 3), *damped = law_net(91, 600, 0, 0.3, 4),
+             *planar = law_net(60, 300, 1, 0.1, 5);
+  check_methods("laws", undamped, 1e-3, 20, 1, 0);
+  check_methods("damped laws", damped, 1e-3, 20, 0, 0);
+  check_run("planar laws", planar, options("velocity-verlet", 1e-3), 60, 4);
+  msim_scene_destroy(undamped);
+  msim_scene_destroy(damped);
+  msim_scene_destroy(planar);
+}
+
+static void angular_springs(void **state) {
+  (void)state;
+  msim_scene *undamped = bent_scene((chain){60, 100, 0.1, 0, 0}),
+             *damped = bent_scene((chain){61, 100, 0.1, 0.05, 0}),
+             *cloth = bending_cloth(12, 400, 0.01, 0.001);
+  check_methods("chain", undamped, 1e-4, 20, 1, 0);
+  check_methods("damped chain", damped, 1e-4, 20, 0, 0);
+  check_methods("bending cloth", cloth, 1e-4, 15, 0, 0);
+  msim_scene_destroy(undamped);
+  msim_scene_destroy(damped);
+  msim_scene_destroy(cloth);
+}
+
+/* f = 5 sin(9 t) x - c v, of each particle by itself */
+static int32_t push_and_brake(void *data, const msim_force_batch *b) {
+  (void)data;
+  for (int32_t i = 0; i < 3 * b->n; i++)
+    b->f[i] += 5 * sin(9 * b->t) * b->x[i] * 1e-3 - (b->v ? 1e-4 * b->v[i] : 0);
+  return 0;
+}
+
+static double bowl(void *data, int32_t n, const int32_t *particles, const double *x) {
+  double sum = 0;
+  (void)data, (void)particles;
+  for (int32_t i = 0; i < 3 * n; i++) sum += 0.5 * x[i] * x[i];
+  return sum;
+}
+
+static int32_t bowl_force(void *data, const msim_force_batch *b) {
+  (void)data;
+  for (int32_t i = 0; i < 3 * b->n; i++) b->f[i] -= b->x[i];
+  return 0;
+}
+
+static void force_functions(void **state) {
+  (void)state;
+  const msim_force_function gusts = {.size = sizeof gusts,
+                                     .flags = MSIM_FORCE_TIME | MSIM_FORCE_VELOCITY,
+                                     .name = "gusts",
+                                     .evaluate = push_and_brake},
+                            trap = {.size = sizeof trap,
+                                    .name = "trap",
+                                    .evaluate = bowl_force,
+                                    .potential = bowl};
+  const char *methods[] = {"velocity-verlet", "rk4", "dop853", "heun", "rkc"};
+  msim_scene *scene = random_mesh(300, 8, 0.01), *short_rope = folded_rope(4);
+  assert_ok(msim_scene_set_force_function(scene, &gusts, err));
+  assert_ok(msim_scene_set_force_function(short_rope, &trap, err));
+  for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
+    check_run("gusts", scene, options(methods[i], 1e-4), 40, 4);
+    check_run("trap", short_rope, options(methods[i], 1e-3), 40, MOST_RANKS);
+  }
+  assert_ok(msim_scene_set_force_function(scene, &trap, err));
+  check_run("trap", scene, options("velocity-verlet", 1e-4), 40, 4);
+  msim_scene_destroy(scene);
+  msim_scene_destroy(short_rope);
+}
+
+static void moving_pins(void **state) {
+  (void)state;
+  const int32_t corners[2] = {0, 14};
+  const double t[3] = {0, 0.003, 0.009},
+               x[18] = {0, 0, 0, 1, 0, 0, 0.1, 0, 0.1, 0.9, 0, 0.1, 0, 0.2, 0, 1, 0.1, 0};
+  for (int damped = 0; damped < 2; damped++) {
+    msim_scene *scene = hanging_cloth(15, 400, damped ? 0.01 : 0);
+    const msim_motion motion = {.size = sizeof motion,
+                                .n = 2,
+                                .particles = corners,
+                                .nt = 3,
+                                .t = t,
+                                .x = x,
+                                .interpolation = damped};
+    assert_ok(msim_scene_add_motion(scene, &motion, err));
+    const char *methods[] = {"velocity-verlet", "rk4", "verlet", "dop853", "rkc"};
+    for (size_t i = 0; i < sizeof methods / sizeof *methods; i++)
+      check_run("moving pins", scene, options(methods[i], 1e-4), 120, 4);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void moving_collider(void **state) {
+  (void)state;
+  msim_scene *scene = random_mesh(300, 9, 0);
+  const double u[3] = {0.2, 0, 3}, w[3] = {0, 2, 0}, at[3] = {0.5, 0.5, -0.4};
+  const msim_collider box = {.size = sizeof box,
+                             .type = MSIM_COLLIDER_BOX,
+                             .center = {0.5, 0.5, -0.4},
+                             .extent = {2, 2, 0.6},
+                             .restitution = 0.3,
+                             .friction = 0.2};
+  assert_ok(msim_scene_add_collider(scene, &box, err));
+  set_uniform(scene, at, u, w);
+  check_run("moving collider", scene, options("velocity-verlet", 1e-4), 200, 4);
+  check_run("moving collider", scene, options("rk4", 1e-4), 200, 4);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(laws_of_springs), cmocka_unit_test(angular_springs),
+      cmocka_unit_test(force_functions), cmocka_unit_test(moving_pins),
+      cmocka_unit_test(moving_collider),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
