@@ -16,10 +16,15 @@ Ints = NDArray[np.int32]
 Path = str | os.PathLike[str]
 
 
+def shown(value: object) -> str:
+    """One line for messages: arrays and lists of lists take several."""
+    return " ".join(repr(value).split())
+
+
 def _found(values: ArrayLike, array: NDArray[np.generic]) -> str:
     """A single value, or the type and shape of an array."""
     short = array.ndim == 0 or array.dtype.kind in "OU" and array.size < 5
-    return repr(values) if short else f"an array of type {array.dtype} and shape {array.shape}"
+    return shown(values) if short else f"an array of type {array.dtype} and shape {array.shape}"
 
 
 def _as_array(name: str, values: ArrayLike, kinds: str = "biuf",
@@ -42,7 +47,7 @@ def doubles(name: str, values: ArrayLike) -> Doubles:
 def number(name: str, value: object) -> float:
     if isinstance(value, (int, float, np.integer, np.floating)):
         return float(value)
-    raise ArgumentError(f"{name} must be a number; found {value!r}")
+    raise ArgumentError(f"{name} must be a number; found {shown(value)}")
 
 
 def count(name: str, value: object, least: int = 0, most: int = np.iinfo(np.int32).max) -> int:
@@ -51,13 +56,19 @@ def count(name: str, value: object, least: int = 0, most: int = np.iinfo(np.int3
         if least <= value <= most:
             return int(value)
         error = ArgumentError
-    raise error(f"{name} must be a whole number from {least} to {most}; found {value!r}")
+    raise error(f"{name} must be a whole number from {least} to {most}; found {shown(value)}")
+
+
+def flag(name: str, value: object) -> bool:
+    if isinstance(value, (bool, np.bool_)) or isinstance(value, int) and value in (0, 1):
+        return bool(value)
+    raise ArgumentTypeError(f"{name} must be True or False; found {shown(value)}")
 
 
 def path(value: object) -> str:
     if isinstance(value, (str, os.PathLike)):
         return os.fspath(value)
-    raise ArgumentTypeError(f"path must be a text or a path; found {value!r}")
+    raise ArgumentTypeError(f"path must be a text or a path; found {shown(value)}")
 
 
 def rows(name: str, values: ArrayLike, n: int | None = None) -> Doubles:

@@ -18,7 +18,7 @@ Potential = Callable[[Ints, Doubles], float]
 
 def callable_or_none(name: str, value: object) -> None:
     if value is not None and not callable(value):
-        raise ArgumentTypeError(f"{name} must be a function; found {value!r}")
+        raise ArgumentTypeError(f"{name} must be a function; found {_arrays.shown(value)}")
 
 
 def _blocks(name: str, values: ArrayLike, n: int) -> Doubles:
@@ -50,7 +50,8 @@ def wrap_jacobian(jacobian: Jacobian | None) -> Callable[..., tuple[Doubles, Dou
     def blocks(t: float, particles: Ints, x: Doubles, v: Doubles | None) -> tuple[Doubles, Doubles]:
         pair: Any = known(t, particles, x, v)
         if not isinstance(pair, tuple) or len(pair) != 2:
-            raise ArgumentError(f"jacobian must return a pair, df/dx and df/dv; found {pair!r}")
+            raise ArgumentError("jacobian must return a pair, df/dx and df/dv; found "
+                                + _arrays.shown(pair))
         return _blocks("df/dx", pair[0], len(x)), _blocks("df/dv", pair[1], len(x))
     return blocks
 

@@ -87,7 +87,7 @@ class Obstacles:
         if samples.ndim != axes or step.shape != (axes,):
             raise ArgumentError(f"a {kind} has samples along {axes} axes, and as many spacings; found "
                                 f"arrays of shapes {samples.shape} and {step.shape}")
-        self._core.add_samples(1 + list(_COLLIDERS).index(kind), bool(inside),
+        self._core.add_samples(1 + list(_COLLIDERS).index(kind), _arrays.flag("inside", inside),
                                _arrays.vector("origin", origin), step,
                                np.array(samples.shape, np.int32), samples.ravel(),
                                _arrays.number("restitution", restitution),
@@ -98,9 +98,9 @@ class Obstacles:
         names = ("center", "start", "end", "size", "rotation")
         center, start, end, size, rotation = (_arrays.vector(name, vectors.get(name, (0, 0, 0)))
                                               for name in names)
-        self._core.add_collider(1 + list(_COLLIDERS).index(kind), bool(inside), center, start, end,
-                                _arrays.number("radius", radius), size, rotation,
-                                _arrays.number("restitution", restitution),
+        self._core.add_collider(1 + list(_COLLIDERS).index(kind), _arrays.flag("inside", inside),
+                                center, start, end, _arrays.number("radius", radius), size,
+                                rotation, _arrays.number("restitution", restitution),
                                 _arrays.number("friction", friction))
 
     def set_collider_motion(self, collider: int, t: ArrayLike, x: ArrayLike,

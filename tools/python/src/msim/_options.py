@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import _core
+from . import _arrays, _core
 from ._errors import ArgumentError, OptionError
 
 
@@ -97,7 +97,7 @@ def _text(keyword: str, value: object) -> str:
         return str(int(value))
     if isinstance(value, (str, os.PathLike)):
         return os.fspath(value)
-    raise ArgumentError(f"{keyword} must be a number or a text; found {value!r}")
+    raise ArgumentError(f"{keyword} must be a number or a text; found {_arrays.shown(value)}")
 
 
 def as_text(given: Mapping[str, object]) -> list[tuple[str, str]]:

@@ -55,7 +55,7 @@ class Scene(Obstacles):
     def loads(cls, text: str | bytes, label: str = "scene") -> Scene:
         """Read a scene from JSON text; `label` stands for the file in messages."""
         if not isinstance(text, (str, bytes)):
-            raise ArgumentTypeError(f"text must be a text or bytes; found {text!r}")
+            raise ArgumentTypeError(f"text must be a text or bytes; found {_arrays.shown(text)}")
         return cls._wrap(_core.Scene(label, text.encode() if isinstance(text, str) else text))
 
     @classmethod
@@ -203,8 +203,9 @@ class Scene(Obstacles):
             _force.callable_or_none(what, value)
         title = getattr(function, "__name__", "force") if name is None else name
         if not isinstance(title, str):
-            raise ArgumentTypeError(f"name must be a text; found {title!r}")
-        self._core.set_force(title, bool(time) + 2 * bool(velocity),
+            raise ArgumentTypeError(f"name must be a text; found {_arrays.shown(title)}")
+        flags = _arrays.flag("time", time) + 2 * _arrays.flag("velocity", velocity)
+        self._core.set_force(title, flags,
                              _force.wrap_function(function), _force.wrap_jacobian(jacobian),
                              _force.wrap_potential(potential),
                              _arrays.number("largest_stiffness", largest_stiffness),
@@ -269,7 +270,7 @@ class Scene(Obstacles):
     @name.setter
     def name(self, name: str) -> None:
         if not isinstance(name, str):
-            raise ArgumentTypeError(f"name must be a text; found {name!r}")
+            raise ArgumentTypeError(f"name must be a text; found {_arrays.shown(name)}")
         self._core.set_name(name)
 
     @property
@@ -404,7 +405,7 @@ def _sizes(n: tuple[int, ...], count: int) -> list[int]:
     listed = isinstance(n, (Sequence, np.ndarray)) and not isinstance(n, str)
     sizes = [_arrays.count("n", value) for value in n] if listed else []
     if len(sizes) != count:
-        raise ArgumentError(f"n must be {count} whole numbers; found {n!r}")
+        raise ArgumentError(f"n must be {count} whole numbers; found {_arrays.shown(n)}")
     return sizes
 
 

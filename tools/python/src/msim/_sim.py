@@ -78,7 +78,8 @@ class Sim(_core.Sim):
     @h.setter
     def h(self, h: float | str) -> None:
         if h != "auto" and (isinstance(h, str) or not 0 < _arrays.number("h", h) < math.inf):
-            raise ArgumentError(f"h must be a finite number > 0 or 'auto'; found {h!r}")
+            raise ArgumentError("h must be a finite number > 0 or 'auto'; found "
+                                + _arrays.shown(h))
         self._set_step(-1.0 if isinstance(h, str) else float(h))
 
     @property
@@ -142,7 +143,7 @@ class Sim(_core.Sim):
     def set_pinned(self, particles: ArrayLike, pinned: bool = True) -> None:
         """Pin particles where they are, or let them go: an index, or several."""
         which = _arrays.one_or_more("particles", particles)
-        self._set_pinned(which, bool(pinned))
+        self._set_pinned(which, _arrays.flag("pinned", pinned))
 
     # -- cutting and growing ----------------------------------------------------------------------
 
@@ -238,7 +239,8 @@ class Sim(_core.Sim):
     def loads(self, data: bytes) -> None:
         """Continue from a checkpoint of a sim of the same scene and options, bit by bit."""
         if not isinstance(data, bytes):
-            raise ArgumentTypeError(f"data must be bytes, as dumps() returns; found {data!r}")
+            raise ArgumentTypeError("data must be bytes, as dumps() returns; found "
+                                    + _arrays.shown(data))
         super().loads(data)
 
     def clone(self) -> Sim:
@@ -321,7 +323,8 @@ class Sim(_core.Sim):
             raise ArgumentError("a recording is planned by the options of the sim: give every, fps "
                                 "and t_end to Sim")
         if observer is not None and not callable(observer):
-            raise ArgumentTypeError(f"observer must be a function of the sim; found {observer!r}")
+            raise ArgumentTypeError("observer must be a function of the sim; found "
+                                    + _arrays.shown(observer))
         frames: list[Frame] = []
         energies: list[Energy] = []
         status, message = Status.OK, "the run reached its end"
