@@ -372,6 +372,73 @@ static void a_stiff_pair_is_lifted(void **state) {
   }
 }
 
+/* A cloth on a sphere and a box, a rope over a capsule, a jelly; the sphere or the capsule moves */
+static msim_scene *bodies_on_moving_colliders(int rope) {
+  const double t[4] = {0, 0.2, 0.5, 0.8},
+               way[12] = {0, 0, 0, 0.05, 0, 0.1, -0.05, 0.1, 0.02, 0, 0, 0},
+               w[12] = {0, 0, 0, 0, 0, 0.3, 0.2, 0, 0.5, 0, 0, 0};
+  msim_scene *scene = bodies(0.4, 0.3);
+  const int32_t collider = rope ? 2 : 0;
+  double x[12];
+  for (int k = 0; k < 12; k++) x[k] = scene->data->solids[collider].center[k % 3] + way[k];
+  set_motion(scene, collider, 4, t, x, w, MSIM_MOTION_CUBIC);
+  return scene;
+}
+
+/* They stay outside, and energy less work does not grow; runs resume from checkpoints and clones,
+ * with 1 and 2 threads. */
+static void bodies_stay_outside(void **state) {
+  (void)state;
+  static const struct {
+    const char *method;
+    double h;
+  } cases[] = {{"velocity-verlet", 1e-3}, {"linearly-implicit-euler", 1. / 60}};
+  for (int i = 0; i < 4; i++) {
+    const char *method = cases[i / 2].method;
+    const int steps = (int)(0.5 / cases[i / 2].h);
+    const int64_t at[1] = {2 * steps / 3};
+    msim_scene *scene = bodies_on_moving_colliders(i % 2);
+    msim_options opt = options(method, cases[i / 2].h);
+    opt.collision = MSIM_COLLISION_EVENT;
+    uint64_t hash[2];
+    for (opt.threads = 1; opt.threads <= 2; opt.threads++) {
+      msim_sim *sim = make_sim(scene, &opt);
+      const double start = balance_of(sim);
+      for (int step = 0; step < steps; step++) {
+        assert_ok(msim_sim_step(sim, 1, err));
+        const double least = least_distance(sim), more = balance_of(sim) - start;
+        if (!(least >= -1e-9)) fail_msg("%s, step %d: %g m inside", method, step, -least);
+        if (!(more <= 1e-3)) fail_msg("%s, step %d: %g J more", method, step, more);
+      }
+      assert_true(stats_of(sim).contacts > 100 && fabs(energies_of(sim).work) > 1e-3);
+      hash[opt.threads - 1] = hash_sim(sim);
+      msim_sim_destroy(sim);
+    }
+    assert_true(hash[0] == hash[1]);
+    opt.threads = 1;
+    expect_resumable(scene, &opt, steps, 1, at, method);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Islands that a change of the motion leaves as they are meet the collider on its new path. */
+static void a_collider_is_moved_in_a_run(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 0.5, 5, 0, 0.5}, mass[2] = {1, 1}, to[3] = {0, 0, -19.7};
+  msim_scene *scene = new_scene();
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  add(scene, box(0, 0, -20, 40, 0, 0.3), 0);
+  msim_sim *sim = run(scene, "velocity-verlet", 0.5, 50);
+  assert_ok(msim_sim_move_collider(sim, 0, to, NULL, 0.5, err));
+  assert_ok(msim_sim_step(sim, 40, err));
+  for (int p = 0; p < 2; p++) {
+    assert_close(state_of(sim).x[3 * p + 2], 0.24, 1e-9);
+    assert_close(state_of(sim).v[3 * p + 2], 0.6, 1e-9);
+  }
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(tables_in_uniform_motion_are_at_rest_in_their_frame),
@@ -384,6 +451,8 @@ int main(void) {
       cmocka_unit_test(error_control_keeps_tol),
       cmocka_unit_test(work_balances_energy),
       cmocka_unit_test(a_stiff_pair_is_lifted),
+      cmocka_unit_test(bodies_stay_outside),
+      cmocka_unit_test(a_collider_is_moved_in_a_run),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,28 +2,40 @@
 
 #include <string.h>
 
+#include "contact/contact_set.h"
 #include "physics/energy.h"
 #include "physics/law_springs.h"
 #include "physics/moving_pins.h"
 
-/* pins: for each island those of the motions of `scene` */
-static msim_status create_pins(const msim_sim *sim, const ms_scene *scene, ms_moving_pins **pins,
-                               msim_error *err) {
+/* What an island has of the motions of a scene */
+typedef struct island_motions {
+  ms_moving_pins *pins;
+  ms_obstacles near; /* where impacts are located */
+} island_motions;
+
+/* of: for each island those of `scene`; what was made before a failure stays in them. */
+static msim_status create_motions(const msim_sim *sim, const ms_scene *scene, island_motions *of,
+                                  msim_error *err) {
   msim_status status = MSIM_OK;
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     ms_model model = sim->islands[i].model;
     model.scene = scene;
-    status = ms_moving_pins_create(&model, &pins[i], err);
+    status = ms_moving_pins_create(&model, &of[i].pins, err);
+    if (!status && sim->islands[i].stepper.events && !ms_obstacles_create(scene, &of[i].near))
+      status = ms_error_set_memory(err, "the contact set");
   }
   return status;
 }
 
-/* Exchange the pins of all islands, and let them refer to this scene. */
-static void exchange_pins(msim_sim *sim, const ms_scene *scene, ms_moving_pins **pins) {
+/* Exchange the motions of all islands, and let them refer to this scene. */
+static void exchange_motions(msim_sim *sim, const ms_scene *scene, island_motions *of) {
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_model *model = &sim->islands[i].model;
-    ms_moving_pins *old = model->pins;
-    model->pins = pins[i], pins[i] = old;
+    ms_contact_set *events = sim->islands[i].stepper.events;
+    const island_motions old = {model->pins, events ? events->near : (ms_obstacles){0}};
+    model->pins = of[i].pins;
+    if (events) events->near = of[i].near;
+    of[i] = old;
     model->scene = scene;
     if (model->laws) ms_law_springs_update(model);
   }
@@ -34,16 +46,19 @@ static void exchange_pins(msim_sim *sim, const ms_scene *scene, ms_moving_pins *
 static msim_status start_with_motions(msim_sim *sim, const ms_scene *before, const msim_state *to,
                                       msim_error *err) {
   const int32_t n = sim->nislands;
-  ms_moving_pins **pins;
-  if (!MS_NEW(&sim->alloc, pins, n)) return ms_error_set_memory(err, "the motions");
-  msim_status status = create_pins(sim, sim->scene, pins, err);
+  island_motions *of;
+  if (!MS_NEW(&sim->alloc, of, n)) return ms_error_set_memory(err, "the motions");
+  msim_status status = create_motions(sim, sim->scene, of, err);
   if (!status) {
-    exchange_pins(sim, sim->scene, pins);
+    exchange_motions(sim, sim->scene, of);
     status = msim_sim_set_state(sim, to, err);
-    if (status) exchange_pins(sim, before, pins);
+    if (status) exchange_motions(sim, before, of);
   }
-  for (int32_t i = 0; i < n; i++) ms_moving_pins_destroy(before, pins[i]);
-  ms_memory_free(&sim->alloc, pins);
+  for (int32_t i = 0; i < n; i++) {
+    ms_moving_pins_destroy(before, of[i].pins);
+    ms_obstacles_destroy(before, &of[i].near);
+  }
+  ms_memory_free(&sim->alloc, of);
   return status;
 }
 
