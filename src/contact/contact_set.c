@@ -451,8 +451,8 @@ void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *swee
   const ms_unknowns *rows = &s->model->unknowns;
   const int follows = !sweep->along || sweep->along == sweep->v_to; /* x_to moves with v_to */
   for (int32_t i = 0; i < s->events->ncontacts; i++) {
-    const ms_contact *c = &s->events->contact[i];
-    double a[3], along[3], v[3] = {0}, f[3] = {0}, push[3];
+    ms_contact *c = &s->events->contact[i];
+    double a[3], along[3], v[3] = {0}, f[3] = {0}, *push = c->push;
     const int has_v =
         sweep->v || (c->frame.moves && c->is_prescribed); /* friction then acts at v = 0 */
     ms_unknowns_get(rows, sweep->a, c->row, a);
@@ -472,26 +472,27 @@ void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *swee
   }
 }
 
-void ms_contact_set_finish_substep(ms_stepper *s) {
+void ms_contact_set_place(ms_stepper *s) {
   const ms_unknowns *rows = &s->model->unknowns;
   const ms_contact_set *e = s->events;
-  if (!e->ncontacts) return;
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
     double x[3], v[3] = {0}, J[MS_MAX_INDEPENDENT_PLANES];
     ms_unknowns_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
     if (!c->sticks) ms_unknowns_get(rows, s->v_next, c->row, v);
     if (c->sticks) ms_vec3_axpy(1, c->frame.way, x), ms_vec3_axpy(1, c->frame.end, v);
-    if (c->frame.moves && !c->is_prescribed) {
-      ms_unknowns_set(rows, x, c->row, s->x_next);
-      ms_unknowns_set(rows, v, c->row, s->v_next);
-      continue;
-    }
-    if (!c->sticks || c->enters) ms_impacts_move_to_distance(&c->on, c->end, x);
-    ms_impacts_set_normal_components(&c->on, c->leave, v, J);
+    const int has_distances = c->is_prescribed || !c->frame.moves; /* `end` and `leave` */
+    if (has_distances && (!c->sticks || c->enters)) ms_impacts_move_to_distance(&c->on, c->end, x);
+    if (has_distances) ms_impacts_set_normal_components(&c->on, c->leave, v, J);
     ms_unknowns_set(rows, x, c->row, s->x_next);
     ms_unknowns_set(rows, v, c->row, s->v_next);
   }
+}
+
+void ms_contact_set_finish_substep(ms_stepper *s) {
+  const ms_contact_set *e = s->events;
+  if (!e->ncontacts) return;
+  ms_contact_set_place(s);
   ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, e->a_end);
   for (int32_t i = 0; i < e->ncontacts; i++) update_change(s, &e->contact[i]);
 }

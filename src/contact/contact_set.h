@@ -43,12 +43,14 @@ typedef struct ms_contact {
   int enters;        /* at the start it was not in contact, or not with all of its planes */
   double end[MS_MAX_TOUCHED_PLANES];   /* m: distances from its planes at the end of the step */
   double leave[MS_MAX_TOUCHED_PLANES]; /* m/s: velocities at which it then separates from them */
-  int slipped;                         /* it stuck in an earlier solve, and slips now */
-  double friction;                     /* m/s^2: sum of mu N/m, those of impulses (jump) included */
-  double friction_speed;               /* m/s: the friction force over mass is -friction v/lag */
+  int keeps;             /* it keeps its distances from its planes, which then do no work */
+  int slipped;           /* it stuck in an earlier solve, and slips now */
+  double friction;       /* m/s^2: sum of mu N/m, those of impulses (jump) included */
+  double friction_speed; /* m/s: the friction force over mass is -friction v/lag */
   /* m/s^2: sum of mu J/(m h) of the impulses J that change its normal velocity */
   double impulse_friction;
   double least_jump; /* m/s^2: the smallest J/(m h) */
+  double push[3];    /* m/s^2: the reaction to the free acceleration of the last force sweep */
 } ms_contact;
 
 /* A contact has at most so many planes that are tangent to solids. */
@@ -62,10 +64,12 @@ typedef struct ms_contact_set {
   msim_plane *tangent; /* MS_MAX_TANGENTS for each unknown: those of contacts */
   int32_t *solid;      /* the same: index of the solid to which it is tangent */
   double *x, *v;
-  double *a, *a_end; /* F/m without reactions, at the start and at the end of the substep */
-  double *stage[2];  /* x and v of a stage of the dense output; scratch */
-  double *begin[2];  /* if `moved`: x and v at the start of the last step without substeps */
-  int moved;         /* impacts or contacts changed the state at the start of that step */
+  const double *guess; /* NULL, or that of the next linear solve */
+  double draft_rtol;   /* 0, or the least tolerance of the next linear solve */
+  double *a, *a_end;   /* F/m without reactions, at the start and at the end of the substep */
+  double *stage[2];    /* x and v of a stage of the dense output; scratch */
+  double *begin[2];    /* if `moved`: x and v at the start of the last step without substeps */
+  int moved;           /* impacts or contacts changed the state at the start of that step */
   int method_handles_contact; /* velocity Verlet follows particle paths itself (verlet_contact.h) */
   ms_totals *parts;           /* scratch for energies */
   int a_is_known;             /* a is that of s->x, s->v */
@@ -145,8 +149,11 @@ uint64_t ms_contact_set_hash(const ms_stepper *s);
 /* Adds reactions and friction of the planes to the results of a force sweep, which include a. */
 void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *sweep);
 
-/* Puts particles in contact on their planes, to the last bit, in x_next and v_next, computes a_end,
- * and sets `change` of each contact. Without contacts it does nothing. */
+/* Puts particles in contact on their planes, to the last bit, in x_next and v_next. */
+void ms_contact_set_place(ms_stepper *s);
+
+/* The same, and computes a_end, and sets `change` of each contact. Without contacts it does
+ * nothing. */
 void ms_contact_set_finish_substep(ms_stepper *s);
 
 /* The smallest reaction per mass to the free acceleration a; < 0: a plane would have to pull */

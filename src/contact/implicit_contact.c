@@ -1,14 +1,15 @@
 #include "contact/implicit_contact.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/contact_joining.h"
 #include "contact/solid_contact.h"
 #include "methods/methods.h"
 #include "physics/external_force.h"
 #include "physics/force_function.h"
+#include "physics/moving_pins.h"
 
 /* Velocities along the normals: particles that are fast enough bounce; all particles reach the
  * plane; all particles keep their distances from it */
@@ -21,8 +22,14 @@ typedef struct contact_solve {
   ms_contact_set *e;
   const double *v_start; /* at the start of the step, before any bounce */
   impact_law law;
-  int bounces; /* a particle has bounced */
+  int bounces;      /* a particle has bounced */
+  int is_linear;    /* linear steps near solids */
+  int joined;       /* particles joined after the last solve */
+  int has_solution; /* v_next is that of an earlier solve of the step */
 } contact_solve;
+
+/* Work vector of the guess; linear steps use those before it. */
+enum { GUESS = 2 };
 
 /*------------------------------------- normal velocities ----------------------------------------*/
 
@@ -56,13 +63,14 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
   const double kept[3] = {x[0] + c->frame.way[0], x[1] + c->frame.way[1], x[2] + c->frame.way[2]};
   const double relative[3] = {v[0] - c->frame.velocity[0], v[1] - c->frame.velocity[1],
                               v[2] - c->frame.velocity[2]};
-  if (c->has_solid && j->law == KEEP_DISTANCE) keep_from_solids(j, c, kept);
+  const int keeps = j->law == KEEP_DISTANCE || c->keeps;
+  if (c->has_solid && keeps) keep_from_solids(j, c, kept);
   for (int i = 0; i < c->on.n; i++) {
     const double distance = ms_impacts_distance(c->on.plane[i], x);
     const int is_tangent = ms_contact_set_find_solid(s, c->on.plane[i]) >= 0;
     const double gap = is_tangent ? distance : fmax(0, distance); /* < 0: near a curved surface */
-    const double back = find_rebound(j, c->row, c->on.plane[i], relative);
-    const int reaches = back == 0 && j->law != KEEP_DISTANCE;
+    const double back = keeps ? 0 : find_rebound(j, c->row, c->on.plane[i], relative);
+    const int reaches = back == 0 && !keeps;
     const double away =
         c->frame.moves ? ms_vec3_dot(c->on.plane[i]->normal, c->frame.way) / s->h : 0;
     to[i] = reaches ? -gap / s->h : away + back;
@@ -92,53 +100,6 @@ static void prescribe_velocities(contact_solve *j) {
 }
 
 /*------------------------------------- contact changes ------------------------------------------*/
-
-/* Adds the planes to those of an unknown that it is behind at the end of the step. */
-static void add_planes(const contact_solve *j, int32_t row, ms_plane_set *on) {
-  const ms_collision_planes planes = ms_contact_set_planes(j->s);
-  double x[3];
-  ms_unknowns_get(&j->s->model->unknowns, j->s->x_next, row, x);
-  const double tolerance = ms_impacts_distance_tolerance(&planes, x);
-  for (const msim_plane *p = planes.plane; p < planes.plane + planes.n - planes.nsolids; p++)
-    if (on->n < MS_MAX_INDEPENDENT_PLANES && !ms_impacts_contains_plane(on, p) &&
-        ms_impacts_distance(p, x) < -tolerance)
-      on->plane[on->n++] = p;
-}
-
-/* The same for tangent planes of solids */
-static void add_tangents(const contact_solve *j, ms_contact *c) {
-  double at[3];
-  for (int32_t i = 0; i < j->e->near.nsolids && c->on.n < MS_MAX_INDEPENDENT_PLANES; i++)
-    if (ms_solid_contact_meets(j->s, c->row, c, i, at)) ms_contact_set_add_tangent(j->s, c, i, at);
-}
-
-static int compare_rows(const void *a, const void *b) {
-  const ms_contact *first = a, *second = b;
-  return (first->row > second->row) - (first->row < second->row);
-}
-
-/* Adds particles that end behind planes to the contact set, sorted by row; returns the number of
- * contacts that are new or have new planes. */
-static int32_t add_penetrating(contact_solve *j) {
-  ms_contact_set *e = j->e;
-  int32_t nnew = 0, changed = 0, next = 0;
-  for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
-    ms_contact *c = ms_contact_set_lookup(e, r, &next);
-    ms_contact with = c ? *c : (ms_contact){.row = r, .is_prescribed = 1};
-    const int before = with.on.n;
-    add_planes(j, r, &with.on);
-    add_tangents(j, &with);
-    if (with.on.n == before) continue;
-    changed++;
-    with.enters = 1;
-    if (c) *c = with;
-    else e->contact[e->ncontacts + nnew++] = with;
-  }
-  e->ncontacts += nnew;
-  qsort(e->contact, (size_t)e->ncontacts, sizeof *e->contact, compare_rows);
-  j->s->stats->contacts += nnew;
-  return changed;
-}
 
 /* Removes contacts with one plane if this plane would have to pull. Returns their number. */
 static int32_t remove_pulled(contact_solve *j) {
@@ -189,9 +150,9 @@ static int update_friction(contact_solve *j, ms_contact *c) {
           fabs(c->friction_speed - before.friction_speed) > NEARLY * c->friction_speed);
 }
 
-/* Solves before these numbers may remove contacts, and change friction; then particles only join,
- * so that the iteration ends. */
-enum { REMOVAL_SOLVES = 2, FRICTION_SOLVES = 3, TANGENT_SOLVES = 6 };
+/* Rough solves, which may remove contacts and change friction; in others particles only join, so
+ * that the iteration ends. */
+enum { ROUGH_SOLVES = 2 };
 
 /* Moves tangent planes to where the step has led; returns 1 if the particle is to end elsewhere. */
 static int update_tangents(contact_solve *j, ms_contact *c) {
@@ -199,21 +160,40 @@ static int update_tangents(contact_solve *j, ms_contact *c) {
   int bounces = 0;
   for (int i = 0; i < c->on.n; i++)
     bounces |= c->leave[i] > ms_vec3_dot(c->on.plane[i]->normal, c->frame.end);
-  if (bounces || !ms_solid_contact_is_off(j->s, c)) return 0;
+  if (bounces || !ms_solid_contact_may_be_concave(j->s, c) || !ms_solid_contact_is_off(j->s, c))
+    return 0;
   ms_unknowns_get(&j->s->model->unknowns, j->s->x_next, c->row, x);
   ms_solid_contact_set_tangents(j->s, c, x);
   return 1;
 }
 
-/* Updates the contact set by the step just made; returns 1 if it has changed. */
-static int update_contacts(contact_solve *j, int solves) {
-  int32_t changed = solves < REMOVAL_SOLVES ? remove_pulled(j) : 0;
-  for (int32_t i = 0; i < j->e->ncontacts && solves < FRICTION_SOLVES; i++)
-    changed += update_friction(j, &j->e->contact[i]);
-  for (int32_t i = 0; i < j->e->ncontacts && solves < TANGENT_SOLVES; i++)
-    changed += update_tangents(j, &j->e->contact[i]);
-  changed += add_penetrating(j);
-  return changed > 0;
+/* Updates the contact set by solve number `solve`, from 0; returns 1 if it has changed. */
+static int update_contacts(contact_solve *j, int solve) {
+  const int is_rough = solve < ROUGH_SOLVES;
+  const int keeps = j->e->near.nsolids > 0 && solve > 0;
+  int32_t changed = is_rough ? remove_pulled(j) : 0;
+  for (int32_t i = 0; i < j->e->ncontacts && is_rough; i++)
+    changed += update_friction(j, &j->e->contact[i]) + update_tangents(j, &j->e->contact[i]);
+  return changed + ms_contact_joining_add_penetrating(j->s, keeps) > 0;
+}
+
+/* Friction by the free acceleration at the start of the step, and whether the particle sticks */
+static void start_friction(const contact_solve *j, ms_contact *c) {
+  const ms_unknowns *rows = &j->s->model->unknowns;
+  double a[3], v[3];
+  ms_solid_contact_set_frame(j->s, c);
+  ms_unknowns_get(rows, j->e->a, c->row, a);
+  ms_unknowns_get(rows, j->s->v, c->row, v);
+  ms_vec3_axpy(-1, c->frame.velocity, v);
+  ms_contact_set_classify(c, rows->dims);
+  const int still = ms_vec3_norm(v) == 0;
+  c->friction = ms_impacts_remove_normal(&c->on, a, NULL);
+  ms_impacts_remove_normal(&c->on, v, NULL);
+  if (c->is_prescribed)
+    c->sticks = c->fixed || (still && c->has_friction && ms_vec3_norm(a) <= c->friction);
+  c->keeps = c->is_prescribed && c->sticks;
+  c->is_prescribed = 1;
+  c->friction_speed = fmax(ms_vec3_norm(v), 1e-3 * j->s->h * c->friction);
 }
 
 /*------------------------------------- the step -------------------------------------------------*/
@@ -240,6 +220,12 @@ static energy find_energy(const ms_stepper *s, const double *x, const double *v)
                   .rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach)};
 }
 
+/* Sets the positions of moving pins in x to those at the start or at the end of the step. */
+static void set_pins(const ms_stepper *s, int at_end, double *x) {
+  const ms_instant at = {.t = at_end ? s->t + s->h : s->t, .before = at_end};
+  ms_moving_pins_set(s->model, at, x, NULL);
+}
+
 /* A bound on the work of moving pins and of a force function in the step just made, J: twice its
  * trapezoidal rule */
 static double bound_work(contact_solve *j) {
@@ -252,20 +238,82 @@ static double bound_work(contact_solve *j) {
   return 2 * fabs(work);
 }
 
-/* Solves the step until the contact set stays the same. For KEEP_DISTANCE, which starts from the
- * contacts and friction found before, particles can only join. */
-static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
-  for (int solves = j->law == KEEP_DISTANCE ? TANGENT_SOLVES : 0;; solves++) {
-    prescribe_velocities(j);
-    j->s->cached_stage = 0;
-    j->s->dense_output = 0;
-    const msim_status status = j->solve_method->step(j->s, err);
-    if (status) return status;
-    ms_contact_set_finish_substep(j->s);
-    if (update_contacts(j, solves)) continue;
-    ms_solid_contact_finish(j->s, j->law == KEEP_DISTANCE);
-    return MSIM_OK;
+/* The last v_next as a guess of the change of velocity in the next solve, which is 0 along
+ * constraints */
+static void make_guess(contact_solve *j) {
+  const ms_stepper *s = j->s;
+  const ms_unknowns *rows = &s->model->unknowns;
+  ms_vector_add_scaled(s->model->shape, s->v_next, -1, s->v, s->work[GUESS]);
+  for (int32_t i = 0; i < j->e->ncontacts; i++) {
+    const ms_contact *c = &j->e->contact[i];
+    double dv[3] = {0};
+    if (!c->sticks) ms_unknowns_get(rows, s->work[GUESS], c->row, dv);
+    if (!c->sticks) ms_impacts_remove_normal(&c->on, dv, NULL);
+    ms_unknowns_set(rows, dv, c->row, s->work[GUESS]);
   }
+  j->e->guess = s->work[GUESS];
+}
+
+/* The free accelerations that the reactions cancel, in a_end: those that the last force sweep has
+ * cancelled, and of a linear step what the weights of the matrix add, W sum n n.dv/(m h). */
+static void find_reactions(contact_solve *j, int is_linear) {
+  const ms_stepper *s = j->s;
+  const ms_unknowns *rows = &s->model->unknowns;
+  for (int32_t i = 0; i < j->e->ncontacts; i++) {
+    const ms_contact *c = &j->e->contact[i];
+    const ms_constraint *g = &j->e->constraint[i];
+    double a[3], dv[3];
+    for (int k = 0; k < 3; k++) a[k] = -c->push[k];
+    ms_unknowns_get(rows, s->work[0], c->row, dv);
+    const double by = g->weight / (s->model->mass[c->row] * s->h);
+    for (int32_t k = 0; k < g->n && is_linear; k++)
+      ms_vec3_axpy(by * ms_vec3_dot(g->direction[k], dv), g->direction[k], a);
+    ms_unknowns_set(rows, a, c->row, j->e->a_end);
+  }
+}
+
+/* Solves the step with the present contacts. rtol: the relative residual, if larger than that of
+ * the options */
+static msim_status solve_once(contact_solve *j, const ms_integrator *by, double rtol,
+                              msim_error *err) {
+  ms_stepper *s = j->s;
+  prescribe_velocities(j);
+  j->e->guess = NULL;
+  if (j->has_solution && !by->nonlinear) make_guess(j);
+  s->cached_stage = 0;
+  s->dense_output = 0;
+  j->e->draft_rtol = rtol;
+  const msim_status status = by->step(s, err);
+  j->e->draft_rtol = 0, j->e->guess = NULL;
+  j->has_solution = !status;
+  if (status) return status;
+  ms_contact_set_place(s);
+  find_reactions(j, !by->nonlinear);
+  return MSIM_OK;
+}
+
+/* Solves that find out which particles are in contact, to a relative residual of ROUGH. The matrix
+ * is that of linearly-implicit-euler, also for methods that solve nonlinear equations. */
+static msim_status find_contacts(contact_solve *j, msim_error *err) {
+  const double ROUGH = 3e-2;
+  int changes = 1;
+  for (int i = 0; i < ROUGH_SOLVES && changes; i++) {
+    const msim_status status = solve_once(j, &ms_linearly_implicit_euler, ROUGH, err);
+    if (status) return status;
+    changes = update_contacts(j, i);
+  }
+  return MSIM_OK;
+}
+
+/* Solves the step with the contacts found. Particles that end behind planes or in solids join them,
+ * and are moved onto the surfaces. */
+static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
+  const msim_status status = solve_once(j, j->solve_method, 0, err);
+  if (status) return status;
+  j->joined = update_contacts(j, ROUGH_SOLVES);
+  if (j->joined) ms_contact_set_place(j->s);
+  ms_solid_contact_finish(j->s, j->law == KEEP_DISTANCE);
+  return MSIM_OK;
 }
 
 /* 1 if the method's own step changes no contact */
@@ -276,7 +324,7 @@ static int is_settled(contact_solve *j) {
     ms_plane_set on = c ? c->on : (ms_plane_set){0};
     const int before = on.n;
     double at[3];
-    add_planes(j, r, &on);
+    ms_contact_joining_add_planes(j->s, r, &on);
     if (on.n > before || (c && (c->change <= 1 || ms_solid_contact_is_off(j->s, c)))) return 0;
     for (int32_t i = 0; i < j->e->near.nsolids; i++)
       if (ms_solid_contact_meets(j->s, r, c, i, at)) return 0;
@@ -284,65 +332,104 @@ static int is_settled(contact_solve *j) {
   return 1;
 }
 
-/* Uses the first law under which the solve converges and the energy does not grow. Under the last
- * one planes do no work, so that only the error of implicit Euler remains. Near solids it may take
- * very many iterations, as where a cloth folds: there linear methods try all laws by themselves,
- * with a small error of their own; if it is larger, the step is to be made in substeps. */
-static msim_status remake_step(contact_solve *j, msim_error *err) {
-  const double SMALL = 1e-4; /* growth over kinetic and elastic energy */
+/* The energy that the step may lead to: that at its start, also with pins that have moved already,
+ * as implicit Euler moves them first, and their work. */
+static energy bound_energy(contact_solve *j) {
   ms_stepper *s = j->s;
-  const int prefers_own = j->e->near.nsolids > 0 && !j->method->nonlinear;
   const energy start = find_energy(s, s->x, j->v_start);
+  if (!s->model->pins) return start;
+  set_pins(s, 1, s->x);
+  const energy moved = find_energy(s, s->x, j->v_start);
+  set_pins(s, 0, s->x);
+  return moved.total > start.total ? moved : start;
+}
+
+/* Makes the step under the present law; repeats it with particles that joined as long as it adds
+ * energy. *grows: it still does. */
+static msim_status try_law(contact_solve *j, const energy *start, int *grows, msim_error *err) {
+  enum { MOST = 3 };
+  const double SMALL = 1e-5; /* growth by linearization, over kinetic and elastic energy */
+  const int is_last = j->law == KEEP_DISTANCE;
+  const double most = start->total + start->rounding + (j->is_linear ? SMALL * start->motion : 0);
+  msim_status status = is_last ? MSIM_OK : find_contacts(j, err);
+  *grows = 1;
+  for (int i = 0; !status && *grows && (i == 0 || j->joined) && (i < MOST || is_last); i++) {
+    status = solve_contact_step(j, err);
+    if (j->s->model->pins) set_pins(j->s, 1, j->s->x_next);
+    if (status) return status;
+    const double work = bound_work(j) + 2 * fabs(ms_solid_contact_find_work(j->s, j->v_start));
+    *grows = find_energy(j->s, j->s->x_next, j->s->v_next).total > most + work;
+  }
+  return status;
+}
+
+/* Uses the first law under which the solve converges and the energy does not grow. Under the last
+ * one planes do no work, so that only the error of implicit Euler remains. Steps of linear methods
+ * near solids have a larger error of their own, where springs turn by large angles; if it adds
+ * energy, the step is to be made in substeps. */
+static msim_status remake_step(contact_solve *j, msim_error *err) {
+  ms_stepper *s = j->s;
+  j->is_linear = j->e->near.nsolids > 0 && !j->method->nonlinear;
+  const energy start = bound_energy(j);
   j->solve_method = j->method->nonlinear ? &ms_implicit_euler : j->method;
   for (;;) {
-    const msim_status status = solve_contact_step(j, err);
-    const int is_last = j->law == KEEP_DISTANCE;
-    if ((is_last && !prefers_own) || (status && status != MSIM_NOT_CONVERGED)) return status;
-    const double most = start.total + start.rounding + (is_last ? SMALL * start.motion : 0);
-    const double work = ms_solid_contact_find_work(s, j->v_start);
-    if (!status &&
-        find_energy(s, s->x_next, s->v_next).total <= most + bound_work(j) + 2 * fabs(work))
+    int grows;
+    const msim_status status = try_law(j, &start, &grows, err);
+    const int is_last = j->law == KEEP_DISTANCE || (j->is_linear && !j->bounces);
+    if ((j->law == KEEP_DISTANCE && !j->is_linear) || (status && status != MSIM_NOT_CONVERGED))
       return status;
+    if (!status && !grows) return MSIM_OK;
     if (is_last)
       return ms_error_set(err, MSIM_NOT_CONVERGED,
                           "impacts on colliders add energy in a step of h = %g s; use a smaller h, "
                           "or implicit-euler",
                           s->h);
     j->law = j->law == ELASTIC && j->bounces ? INELASTIC : KEEP_DISTANCE;
-    if (!prefers_own) j->solve_method = &ms_implicit_euler;
+    if (!j->is_linear) j->solve_method = &ms_implicit_euler;
   }
 }
 
+/* The method's own step, which is the result if it changes no contact: *settled. cached: the
+ * cached-stage tag at the start */
+static msim_status make_own_step(contact_solve *j, int cached, int *settled, msim_error *err) {
+  ms_stepper *s = j->s;
+  *settled = 0;
+  s->cached_stage = s->x != j->e->x && ms_contact_set_hash(s) == j->e->contact_hash ? cached : 0;
+  s->c = 0;
+  const msim_status status = j->method->step(s, err);
+  if (status) return status == MSIM_NOT_CONVERGED ? MSIM_OK : status;
+  j->has_solution = 1;
+  ms_contact_set_finish_substep(s);
+  *settled = is_settled(j);
+  if (!*settled) return MSIM_OK;
+  if (ms_solid_contact_finish(s, 0)) s->cached_stage_next = 0;
+  else ms_contact_set_record(s);
+  return MSIM_OK;
+}
+
+/* In contact with solids a linear method makes no step of its own: it would be one more solve like
+ * those of the remade step. */
 msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_contact_set *e = s->events;
   contact_solve j = {.method = method, .s = s, .e = e, .v_start = s->v};
-  const int64_t impacts = s->stats->contacts;
-  const int carried = s->cached_stage;
+  const int64_t before = s->stats->contacts;
+  const int cached = s->cached_stage;
   const double work = s->work_in_step;
   ms_contact_set_update(s);
   s->work_in_step = work; /* the step starts before any bounce */
   ms_solid_contact_move_to_end(s);
-  int made = 0;
-  if (s->stats->contacts == impacts && !ms_solid_contact_any_moves(s)) {
-    s->cached_stage = s->x != e->x && ms_contact_set_hash(s) == e->contact_hash ? carried : 0;
-    s->c = 0;
-    const msim_status status = method->step(s, err);
-    if (status && status != MSIM_NOT_CONVERGED) return status;
-    made = !status;
-    if (made) ms_contact_set_finish_substep(s);
-    if (made && is_settled(&j)) {
-      if (ms_solid_contact_finish(s, 0)) s->cached_stage_next = 0;
-      else ms_contact_set_record(s);
-      return MSIM_OK;
-    }
+  const int impacts = s->stats->contacts > before;
+  int64_t predicted = method->nonlinear ? 0 : ms_contact_joining_add_predicted(s);
+  if (!impacts && !ms_solid_contact_any_moves(s) &&
+      (method->nonlinear || !e->near.nsolids || !e->ncontacts)) {
+    int settled;
+    const msim_status status = make_own_step(&j, cached, &settled, err);
+    if (status || settled) return status;
   }
-  s->stats->contacts = impacts;
-  for (int32_t i = 0; i < e->ncontacts; i++) {
-    ms_contact *c = &e->contact[i];
-    c->is_prescribed = 1;
-    c->friction_speed = INFINITY;
-  }
-  if (made) update_contacts(&j, 0);
+  if (method->nonlinear) predicted = ms_contact_joining_add_predicted(s);
+  s->stats->contacts = before + predicted;
+  for (int32_t i = 0; i < e->ncontacts; i++) start_friction(&j, &e->contact[i]);
+  if (j.has_solution) update_contacts(&j, 0);
   const msim_status status = remake_step(&j, err);
   if (!status) s->work_in_step += ms_solid_contact_find_work(s, j.v_start);
   s->cached_stage_next = 0;

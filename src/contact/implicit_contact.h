@@ -12,18 +12,30 @@
  *   n.v = 0            it rests,
  * and the matrix contains these constraints. Friction is viscous in this step: -mu N v/w, with N
  * and the speed w = |v| of the previous solve, so that it dissipates energy for any N. A particle
- * that nearly stops sticks until more than mu N is necessary to hold it. A particle that ends
- * behind a plane joins the contact set, one that its only plane would have to pull leaves it, and
- * the step is solved again until nothing changes. In stiff solids, more than four solves change
- * only which few particles stick: from the fourth on particles only join, until none is behind a
- * plane. The matrix enforces the velocities by large weights, and in the end x and v along the
- * normals are set to the prescribed values, a correction of the size of rounding and the solver's
- * tolerance: a larger one would add energy to a stiff solid.
+ * that nearly stops sticks until more than mu N is necessary to hold it. The matrix enforces the
+ * velocities by large weights, and in the end x and v along the normals are set to the prescribed
+ * values, a correction of the size of rounding and the solver's tolerance: a larger one would add
+ * energy to a stiff solid.
  *
- * Velocities prescribed to many particles of a stiff solid do work on it. If the energy has grown,
- * impacts are repeated without restitution; if it has grown again, planes have pulled, and the step
- * is made with n.v = 0 at all distances, which does no work. The first attempt for
- * linearly-implicit-euler uses this method's own steps, of one solve each. */
+ * The cost of a step is bounded. Two solves to a residual of a few percent determine the contact
+ * set: a particle that ends behind a plane joins it, and one that its only plane would have to pull
+ * leaves it. A third solve, to the full accuracy, is the step. Each solve starts from the solution
+ * of the last one, and the reactions follow from its weights, so that three solves take about twice
+ * the iterations of one. The first set contains the particles that, moved by h v + h^2 a, would end
+ * in a solid; it follows from the state, and steps need not carry it. Particles that still end in
+ * a solid after the third solve are moved out, unless that adds energy: then another solve includes
+ * them.
+ *
+ * Energy: for a convex potential U implicit Euler with the normal forces J/h reduces it by the
+ * work J g/h of planes in front of which the particle was by g >= 0. So a plane that is tangent to
+ * a convex solid where the particle starts is safe, also if it pulls, where g = 0, and a particle
+ * that joins after the first solve keeps its distance, n.v = 0. The particle then ends above the
+ * solid by (h v)^2/(2 R). In solids inside out, planes touch where the last solve has led.
+ * Velocities prescribed to many particles of a stiff solid may still do work on it, and
+ * linearization stretches springs that turn. If the energy has grown, impacts are repeated without
+ * restitution; if it has grown again, a linear method near solids makes the step in substeps, and
+ * others make it with n.v = 0 at all distances, which does no work. The allowed energy includes the
+ * work of pins, which implicit Euler moves before the other particles. */
 #ifndef MS_IMPLICIT_CONTACT_H
 #define MS_IMPLICIT_CONTACT_H
 

@@ -10,8 +10,7 @@
 
 /*------------------------------------- moving solids --------------------------------------------*/
 
-/* way += that of the point x of solid i in the step */
-static void add_way_of_solid(const ms_stepper *s, int32_t i, const double x[3], double way[3]) {
+void ms_solid_contact_add_way(const ms_stepper *s, int32_t i, const double x[3], double way[3]) {
   const ms_collision_planes planes = ms_contact_set_planes(s);
   ms_solid room;
   if (!planes.moving) return;
@@ -44,7 +43,7 @@ void ms_solid_contact_set_frame(const ms_stepper *s, ms_contact *c) {
     if (solid < 0 || !ms_moving_obstacles_moves(&planes, solid)) continue;
     double at[3] = {x[0], x[1], x[2]};
     c->frame.moves = 1;
-    add_way_of_solid(s, solid, x, way[i]);
+    ms_solid_contact_add_way(s, solid, x, way[i]);
     ms_vec3_axpy(1, way[i], at);
     ms_signed_distance_find_velocity(&planes.solid[solid], at, of[i]);
   }
@@ -60,9 +59,11 @@ int ms_solid_contact_any_moves(const ms_stepper *s) {
   return 0;
 }
 
-double ms_solid_contact_find_work(const ms_stepper *s, const double *v_start) {
+double ms_solid_contact_find_work(ms_stepper *s, const double *v_start) {
   const ms_unknowns *rows = &s->model->unknowns;
   double sum = 0;
+  if (!ms_solid_contact_any_moves(s)) return 0;
+  ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, s->events->a_end);
   for (int32_t i = 0; i < s->events->ncontacts; i++) {
     const ms_contact *c = &s->events->contact[i];
     double v[3], before[3], a[3];
@@ -82,14 +83,14 @@ static void get_positions(const ms_stepper *s, int32_t row, int32_t i, const ms_
   ms_unknowns_get(&s->model->unknowns, s->x, row, x);
   ms_unknowns_get(&s->model->unknowns, s->x_next, row, x_next);
   double moved[3] = {0};
-  if (i >= 0) add_way_of_solid(s, i, x, moved);
+  if (i >= 0) ms_solid_contact_add_way(s, i, x, moved);
   ms_vec3_axpy(1, i >= 0 || !c ? moved : c->frame.way, x);
   for (int k = 0; k < 3; k++) way[k] = x_next[k] - x[k];
 }
 
 /*------------------------------------- impacts --------------------------------------------------*/
 
-static int contains_solid(const ms_stepper *s, const ms_contact *c, int32_t i) {
+int ms_solid_contact_contains(const ms_stepper *s, const ms_contact *c, int32_t i) {
   for (int k = 0; c && k < c->on.n; k++)
     if (ms_contact_set_find_solid(s, c->on.plane[k]) == i) return 1;
   return 0;
@@ -104,7 +105,7 @@ int ms_solid_contact_meets(const ms_stepper *s, int32_t row, const ms_contact *c
   planes.moving = NULL; /* the way is relative */
   const ms_solid *solid = &planes.solid[i];
   double x[3], x_next[3], way[3], n[3];
-  if (contains_solid(s, c, i)) return 0;
+  if (ms_solid_contact_contains(s, c, i)) return 0;
   get_positions(s, row, i, NULL, x, x_next, way);
   const double tolerance = ms_impacts_distance_tolerance(&planes, x);
   const double end = ms_signed_distance(solid, x_next, n);
@@ -175,11 +176,9 @@ static int separates(const ms_contact *c, int i) {
 }
 
 /* The planes and surfaces of the contact onto which x is to be moved: those that it is behind, and
- * with `all` also those that it left by less than an edge. */
-static ms_plane_set find_left(const ms_stepper *s, const ms_contact *c, int all,
+ * with `all` also those of solids inside out that it left. */
+static ms_plane_set find_left(const ms_stepper *s, const ms_contact *c, int all, double tolerance,
                               const double x[3]) {
-  const ms_collision_planes planes = ms_contact_set_planes(s);
-  const double tolerance = ms_impacts_distance_tolerance(&planes, x);
   double from[3], way[3];
   ms_plane_set left = {0};
   ms_unknowns_get(&s->model->unknowns, s->x, c->row, from);
@@ -188,7 +187,9 @@ static ms_plane_set find_left(const ms_stepper *s, const ms_contact *c, int all,
     const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[i]);
     const double gap =
         solid < 0 ? ms_impacts_distance(c->on.plane[i], x) : find_distance(s, solid, x, way);
-    if (gap < -tolerance || (all && !separates(c, i) && gap > tolerance))
+    const int may_curve_in =
+        solid >= 0 && (s->events->near.solid[solid].inside || s->events->near.solid[solid].samples);
+    if (gap < -tolerance || (all && may_curve_in && !separates(c, i) && gap > tolerance))
       left.plane[left.n++] = c->on.plane[i];
   }
   return left;
@@ -200,12 +201,14 @@ static int finish_contact(ms_stepper *s, const ms_contact *c, int keeps_distance
   double x[3], v[3] = {0}, J[MS_MAX_INDEPENDENT_PLANES];
   ms_unknowns_get(rows, s->x_next, c->row, x);
   ms_unknowns_get(rows, s->v_next, c->row, v);
-  ms_plane_set left = find_left(s, c, !keeps_distance, x);
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  const double tolerance = ms_impacts_distance_tolerance(&planes, x);
+  ms_plane_set left = find_left(s, c, !keeps_distance && !c->keeps, 0, x);
   if (!left.n) return 0;
   for (int i = 0; i < MOST && left.n; i++) {
     ms_solid_contact_set_tangents(s, c, x);
     ms_impacts_move_onto(&left, x);
-    left = find_left(s, c, !keeps_distance, x);
+    left = find_left(s, c, !keeps_distance && !c->keeps, tolerance, x);
   }
   ms_solid_contact_set_tangents(s, c, x);
   if (left.n) ms_unknowns_get(rows, s->x, c->row, x), ms_vec3_axpy(1, c->frame.way, x);

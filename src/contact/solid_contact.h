@@ -1,9 +1,10 @@
 /* solid_contact - contact with solids in the steps of implicit_contact.h
  *
- * A particle in contact with a solid is to end on its surface. The condition of a solve is a plane:
- * the one that touches the solid where the last solve has led, so that the iteration converges to
- * implicit Euler's step on the surface, which does not increase the energy. In the end the position
- * is moved onto the surface exactly.
+ * The condition of a solve is a plane: on a solid that curves outwards the one that touches it
+ * where the particle starts or enters, which no solid of this kind crosses. In a solid inside out,
+ * and on samples, the particle is to end on the surface: the plane touches where the last solve has
+ * led, so that the iteration converges to implicit Euler's step on the surface, which does not
+ * increase the energy, and in the end the position is moved onto the surface exactly.
  *
  * Solids that move are where they are at the end of the step, and the way of a particle is counted
  * from where the point of the solid at its start has moved. */
@@ -15,6 +16,9 @@
 /* Places solids that move at the end of the step, and the tangent planes of all contacts. */
 void ms_solid_contact_move_to_end(ms_stepper *s);
 
+/* way += that of the point x of solid i in the step; 0 if the solid rests */
+void ms_solid_contact_add_way(const ms_stepper *s, int32_t i, const double x[3], double way[3]);
+
 /* Sets the frame of a contact for a step with prescribed velocities: its way in the step, and its
  * velocity at the end, which friction and bounces are relative to. */
 void ms_solid_contact_set_frame(const ms_stepper *s, ms_contact *c);
@@ -23,13 +27,17 @@ void ms_solid_contact_set_frame(const ms_stepper *s, ms_contact *c);
 int ms_solid_contact_any_moves(const ms_stepper *s);
 
 /* The work of moving solids in the step just made, J: of the impulses that changed velocities from
- * v_start, beside those of forces, along the mean velocity of the surfaces */
-double ms_solid_contact_find_work(const ms_stepper *s, const double *v_start);
+ * v_start, beside those of forces, along the mean velocity of the surfaces. Sets the free
+ * accelerations at the end, a_end of the contact set. */
+double ms_solid_contact_find_work(ms_stepper *s, const double *v_start);
 
 /* 1: the way of an unknown from s->x to s->x_next meets solid i; c: its contact, or NULL. `at`: the
  * tangent plane at the point of the surface nearest to it stops the unknown. */
 int ms_solid_contact_meets(const ms_stepper *s, int32_t row, const ms_contact *c, int32_t i,
                            double at[3]);
+
+/* 1: a plane of the contact, nullable, is tangent to solid i. */
+int ms_solid_contact_contains(const ms_stepper *s, const ms_contact *c, int32_t i);
 
 /* 1: s->x_next is off the surfaces by more than a small part of the way, but not beyond an edge. */
 int ms_solid_contact_is_off(const ms_stepper *s, const ms_contact *c);

@@ -1,4 +1,6 @@
 /* stepper - force evaluations and reflections of a step, for all methods (integrator.h) */
+#include <math.h>
+
 #include "base/clock.h"
 #include "contact/contact_set.h"
 #include "contact/reflection.h"
@@ -18,6 +20,8 @@ int ms_stepper_has_contacts(const ms_stepper *s) { return s->events && s->events
 void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec) {
   if (!ms_stepper_has_contacts(s) || !(s->model->features & MS_HAS_SPRINGS)) return;
   ms_contact_set_make_constraints(s, spec->h);
+  spec->guess = s->events->guess;
+  spec->rtol = fmax(spec->rtol, s->events->draft_rtol);
   spec->constraint = s->events->constraint;
   spec->nconstraints = s->events->ncontacts;
 }

@@ -17,6 +17,16 @@ double ms_residual_compute(const ms_linear_system *s, const double *b, const dou
   return ms_jacobi_norm(s->model, &s->a, r);
 }
 
+const double *ms_residual_subtract_guess(const ms_linear_system *s, const double *b,
+                                         const double *guess, ms_linear_target *target,
+                                         double *work, double *to) {
+  const double left = ms_residual_compute(s, b, guess, work);
+  ms_vector_copy(s->model->shape, work, to);
+  if (left > 0) target->rtol = fmin(target->rtol * target->size / left, 1);
+  target->size = left;
+  return to;
+}
+
 double ms_residual_compute_rounding_level(const ms_linear_system *s, const double *b,
                                           const double *y, double *work1, double *work2) {
   const ms_shape shape = s->model->shape;

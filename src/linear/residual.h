@@ -12,6 +12,12 @@ void ms_residual_compute_change_rhs(const ms_linear_system *s, const double *b, 
 /* r = b - A y. Returns its norm (jacobi.h). */
 double ms_residual_compute(const ms_linear_system *s, const double *b, const double *y, double *r);
 
+/* to = b - A guess, the right-hand side for the correction of a guess. *target, for b on input,
+ * then requires the same of its residual. to may be b; work: a vector. Returns `to`. */
+const double *ms_residual_subtract_guess(const ms_linear_system *s, const double *b,
+                                         const double *guess, ms_linear_target *target,
+                                         double *work, double *to);
+
 /* The norm of the rounding errors of a residual, 8 eps (|A| |y| + |b|). It is the sum of the norms
  * of single components, because signs are arbitrary, and D^-1 may nearly cancel components. */
 double ms_residual_compute_rounding_level(const ms_linear_system *s, const double *b,

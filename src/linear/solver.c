@@ -198,6 +198,7 @@ msim_status ms_solver_factor_at(ms_solver *s, ms_linear *by, const ms_linearizat
 /* Set *b to the right-hand side for the present matrix, and target.size to its norm. */
 static msim_status form_right_hand_side(ms_solver *s, const ms_linear_system_spec *r,
                                         const double **b) {
+  s->target.rtol = r->rtol;
   if (r->base) {
     ms_residual_compute_change_rhs(&s->system, *b, r->base, s->b);
     *b = s->b;
@@ -205,11 +206,12 @@ static msim_status form_right_hand_side(ms_solver *s, const ms_linear_system_spe
     if (s->offender >= 0) return MSIM_NOT_FINITE;
   }
   s->target.size = ms_jacobi_norm(s->system.model, &s->system.a, *b);
+  if (r->guess)
+    *b = ms_residual_subtract_guess(&s->system, *b, r->guess, &s->target, s->magnitude, s->b);
   return MSIM_OK;
 }
 
-/* 1 if v is accurate enough, or accurate to rounding. residual_norm: ||b - A v||; NAN: to be
- * computed. */
+/* 1 if v is accurate enough, or to rounding. residual_norm: ||b - A v||; NAN: to be computed. */
 static int is_accurate(ms_solver *s, const double *b, const double *v, double residual_norm) {
   const ms_linear_system *system = &s->system;
   const double size = s->target.size;
@@ -462,7 +464,8 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec
   if (status && !solver->incomplete) return status;
   if (!solver->linear->exact)
     ms_momentum_balance(solver->system.model, &solver->system.a, &solver->components,
-                        spec->base ? solver->b : b, v);
+                        spec->base || spec->guess ? solver->b : b, v);
+  if (spec->guess) ms_vector_axpy(shape, 1, spec->guess, v);
   solver->offender = ms_vector_find_invalid(shape, v);
   return solver->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }

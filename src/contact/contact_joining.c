@@ -1,0 +1,103 @@
+#include "contact/contact_joining.h"
+
+#include <stdlib.h>
+
+#include "base/vec3.h"
+#include "contact/solid_contact.h"
+#include "physics/external_force.h"
+#include "physics/signed_distance.h"
+
+void ms_contact_joining_add_planes(const ms_stepper *s, int32_t row, ms_plane_set *on) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  double x[3];
+  ms_unknowns_get(&s->model->unknowns, s->x_next, row, x);
+  const double tolerance = ms_impacts_distance_tolerance(&planes, x);
+  for (const msim_plane *p = planes.plane; p < planes.plane + planes.n - planes.nsolids; p++)
+    if (on->n < MS_MAX_INDEPENDENT_PLANES && !ms_impacts_contains_plane(on, p) &&
+        ms_impacts_distance(p, x) < -tolerance)
+      on->plane[on->n++] = p;
+}
+
+/* The same for tangent planes of solids that it meets */
+static void add_tangents(ms_stepper *s, ms_contact *c) {
+  double at[3];
+  for (int32_t i = 0; i < s->events->near.nsolids && c->on.n < MS_MAX_INDEPENDENT_PLANES; i++)
+    if (ms_solid_contact_meets(s, c->row, c, i, at)) ms_contact_set_add_tangent(s, c, i, at);
+}
+
+static int compare_rows(const void *a, const void *b) {
+  const ms_contact *first = a, *second = b;
+  return (first->row > second->row) - (first->row < second->row);
+}
+
+int32_t ms_contact_joining_add_penetrating(ms_stepper *s, int keeps) {
+  ms_contact_set *e = s->events;
+  int32_t nnew = 0, changed = 0, next = 0;
+  for (int32_t r = 0; r < s->model->unknowns.nfree; r++) {
+    ms_contact *c = ms_contact_set_lookup(e, r, &next);
+    ms_contact with = c ? *c : (ms_contact){.row = r, .is_prescribed = 1};
+    const int before = with.on.n;
+    ms_contact_joining_add_planes(s, r, &with.on);
+    add_tangents(s, &with);
+    if (with.on.n == before) continue;
+    changed++;
+    with.enters = 1;
+    with.keeps = keeps;
+    if (c) *c = with;
+    else e->contact[e->ncontacts + nnew++] = with;
+  }
+  e->ncontacts += nnew;
+  qsort(e->contact, (size_t)e->ncontacts, sizeof *e->contact, compare_rows);
+  s->stats->contacts += nnew;
+  return changed;
+}
+
+/* Adds the tangent planes of solids that curve outwards in which the unknown would end, moved by
+ * h v + h^2 a, a its free acceleration at the start, relative to the way of the solid. Returns the
+ * number of those that it would enter even without forces. */
+static int add_predicted_planes(ms_stepper *s, ms_contact *c, double g) {
+  ms_contact_set *e = s->events;
+  const ms_unknowns *rows = &s->model->unknowns;
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  double x[3], v[3], a[3], n[3];
+  int enters = 0;
+  ms_unknowns_get(rows, s->x, c->row, x);
+  ms_unknowns_get(rows, s->v, c->row, v);
+  const double tolerance = ms_impacts_distance_tolerance(&planes, x);
+  for (int32_t i = 0; i < e->near.nsolids && c->on.n < MS_MAX_INDEPENDENT_PLANES; i++) {
+    if (e->near.solid[i].inside || ms_solid_contact_contains(s, c, i)) continue;
+    double moved[3] = {0}, at[3] = {x[0], x[1], x[2]}, way[3];
+    ms_solid_contact_add_way(s, i, x, moved);
+    for (int k = 0; k < 3; k++) at[k] += moved[k], way[k] = s->h * v[k] - moved[k];
+    const double gap = ms_signed_distance(&e->near.solid[i], at, n);
+    if (gap > 2 * (ms_vec3_norm(way) + s->h * s->h * g)) continue;
+    if (!e->a_is_known) ms_contact_set_free_acceleration(s, 0, s->x, s->v, e->a);
+    e->a_is_known = 1;
+    ms_unknowns_get(rows, e->a, c->row, a);
+    const double end = gap + ms_vec3_dot(n, way);
+    if (end + s->h * s->h * ms_vec3_dot(n, a) >= -tolerance) continue;
+    ms_contact_set_add_tangent(s, c, i, at);
+    enters += end < -tolerance;
+  }
+  return enters;
+}
+
+int64_t ms_contact_joining_add_predicted(ms_stepper *s) {
+  ms_contact_set *e = s->events;
+  const ms_external *forces = &s->model->external;
+  int32_t nnew = 0, next = 0;
+  int64_t impacts = 0;
+  for (int32_t r = 0; r < s->model->unknowns.nfree && e->near.nsolids > 0; r++) {
+    ms_contact *c = ms_contact_set_lookup(e, r, &next);
+    ms_contact with = c ? *c : (ms_contact){.row = r, .is_prescribed = 1};
+    const int before = with.on.n;
+    const double g = ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r);
+    impacts += add_predicted_planes(s, &with, g);
+    if (with.on.n == before) continue;
+    if (c) *c = with;
+    else e->contact[e->ncontacts + nnew++] = with;
+  }
+  e->ncontacts += nnew;
+  if (nnew) qsort(e->contact, (size_t)e->ncontacts, sizeof *e->contact, compare_rows);
+  return impacts;
+}

@@ -1,0 +1,19 @@
+/* contact_joining - particles that join the contact set in a step of implicit_contact.h */
+#ifndef MS_CONTACT_JOINING_H
+#define MS_CONTACT_JOINING_H
+
+#include "contact/contact_set.h"
+
+/* Adds the planes that an unknown is behind at the end of the step, s->x_next, to `on`. */
+void ms_contact_joining_add_planes(const ms_stepper *s, int32_t row, ms_plane_set *on);
+
+/* Adds particles that end behind planes or meet solids to the contact set, sorted by row; keeps:
+ * they keep their distances. Returns the number of contacts that are new or have new planes. */
+int32_t ms_contact_joining_add_penetrating(ms_stepper *s, int keeps);
+
+/* Predicts which particles near solids will be in contact; the solves remove those that springs
+ * hold back. Particles that slide along a solid end above it, on the plane that touches it where
+ * they started, and so are found here. Returns the number of impacts. */
+int64_t ms_contact_joining_add_predicted(ms_stepper *s);
+
+#endif

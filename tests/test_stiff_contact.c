@@ -1,0 +1,159 @@
+/* Tests of stiff bodies on colliders at long steps of implicit methods, with collision = event:
+ * energy does not grow, nothing ends in a collider, and a step takes few solves. */
+#include <math.h>
+
+#include "base/vec3.h"
+#include "checkpoints.h"
+#include "colliders.h"
+#include "event_options.h"
+
+enum { SIDE = 16, STEPS = 90, SCENES = 4 };
+
+/* A cloth on a sphere, on a box, a rope over a capsule, a jelly in a bowl, without damping */
+static msim_scene *stiff_body(int i, double k, double e, double mu) {
+  static const int32_t pinned[2] = {0, SIDE - 1};
+  const double at[3] = {0}, along[3] = {0, 0.6, 0};
+  msim_scene *scene = new_scene();
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = SIDE,
+                            .columns = SIDE,
+                            .origin = {-0.5, -0.5, 0.32},
+                            .row = {1, 0, 0.01},
+                            .column = {0, 1, 0.02},
+                            .mass = 0.3,
+                            .k_structural = k,
+                            .k_shear = k / 3,
+                            .k_bend = k / 15,
+                            .npinned = i == SCENES ? 2 : 0,
+                            .pinned = pinned};
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = 30,
+                          .from = {-0.8, 0.1, 0.5},
+                          .to = {0.6, 0, 0.5},
+                          .mass = 0.2,
+                          .k = k};
+  const msim_lattice jelly = {.size = sizeof jelly,
+                              .n = {4, 4, 4},
+                              .origin = {0.1, -0.1, -0.4},
+                              .extent = {0.4, 0.4, 0.4},
+                              .mass = 1,
+                              .k = k};
+  if (i == 2) assert_ok(msim_scene_add_rope(scene, &rope, err));
+  else if (i == 3) assert_ok(msim_scene_add_lattice(scene, &jelly, err));
+  else assert_ok(msim_scene_add_cloth(scene, &cloth, err));
+  if (i == 1) add(scene, box(0.05, 0, 0, 0.5, e, mu), 0);
+  else if (i == 2) add(scene, round_bar(MSIM_COLLIDER_CAPSULE, at, along, 0.2, e, mu), 0);
+  else if (i == 3) add(scene, sphere(0, 0, 0, 1, e, mu), 1);
+  else add(scene, sphere(0, 0, 0, 0.3, e, mu), 0);
+  return scene;
+}
+
+/* The distance of x from the collider, negative inside */
+static double distance_from(int i, const double *x) {
+  const double d[3] = {fabs(x[0] - 0.05) - 0.25, fabs(x[1]) - 0.25, fabs(x[2]) - 0.25};
+  const double from_axis[3] = {x[0], fmax(0, fabs(x[1]) - 0.6), x[2]};
+  if (i == 1) return fmax(d[0], fmax(d[1], d[2]));
+  if (i == 2) return ms_vec3_norm(from_axis) - 0.2;
+  return i == 3 ? 1 - ms_vec3_norm(x) : ms_vec3_norm(x) - 0.3;
+}
+
+static void expect_outside(int i, msim_sim *sim) {
+  const msim_state s = state_of(sim);
+  for (int32_t p = 0; p < s.n; p++)
+    if (!(distance_from(i, s.x + 3 * p) >= -1e-11)) fail_msg("scene %d: inside", i);
+}
+
+static double energy_of(msim_sim *sim) {
+  msim_energy e = {.size = sizeof e};
+  assert_int_equal(msim_sim_energy(sim, &e), MSIM_OK);
+  return e.total;
+}
+
+/* Solves for a step of this method, on average. */
+static double run_stiff_body(int i, const char *method, double k, double e, double mu) {
+  msim_scene *scene = stiff_body(i, k, e, mu);
+  const msim_options opt = event_options(method, 1.0 / 60);
+  msim_sim *sim = make_sim(scene, &opt);
+  const double start = energy_of(sim);
+  for (int step = 0; step < STEPS; step++) {
+    assert_ok(msim_sim_step(sim, 1, err));
+    expect_outside(i, sim);
+    const double now = energy_of(sim);
+    if (!(now <= start + 1e-9)) fail_msg("%s, scene %d: %g J, from %g J", method, i, now, start);
+  }
+  const msim_stats s = stats_of(sim);
+  assert_true(s.contacts > 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return (double)s.solves / STEPS;
+}
+
+/* Two rough solves and an accurate one are enough for most steps; impacts of stiff bodies take
+ * substeps. */
+static void energy_does_not_grow_in_few_solves(void **state) {
+  (void)state;
+  static const double stiffness[] = {300, 3000, 30000}, most[] = {4.5, 6, 10};
+  for (int i = 0; i < SCENES; i++)
+    for (int n = 0; n < 12; n++) {
+      const double solves = run_stiff_body(i, "linearly-implicit-euler", stiffness[n / 4],
+                                           0.5 * (n % 2), 0.5 * (n / 2 % 2));
+      if (!(solves <= most[n / 4]))
+        fail_msg("scene %d, k %g: %g solves", i, stiffness[n / 4], solves);
+    }
+}
+
+static void nonlinear_methods_keep_the_bound_too(void **state) {
+  (void)state;
+  static const char *const methods[] = {"implicit-euler", "tr-bdf2", "bdf2"};
+  for (int i = 0; i < SCENES; i++) run_stiff_body(i, methods[i % 3], 3000, 0.5 * (i % 2), 0.3);
+}
+
+/* A cloth hangs from two handles that a program moves, over a sphere: no frame is refused, and the
+ * motion stays slow. */
+static void moved_handles_refuse_no_frame(void **state) {
+  (void)state;
+  static const int32_t handles[2] = {0, SIDE - 1};
+  for (double k = 300; k < 1e5; k *= 10) {
+    msim_scene *scene = stiff_body(SCENES, k, 0, 0.3);
+    msim_options opt = event_options("linearly-implicit-euler", 1.0 / 60);
+    opt.incomplete = MSIM_INCOMPLETE_ACCEPT;
+    msim_sim *sim = make_sim(scene, &opt);
+    for (int frame = 0; frame < 120; frame++) {
+      const double a = frame / 60.;
+      const double to[6] = {-0.5 + 0.2 * sin(a), -0.5, 0.32 + 0.1 * sin(2 * a),
+                            -0.5 + 0.2 * sin(a), 0.5,  0.22 + 0.1 * cos(a)};
+      if (frame % 10 == 0) assert_ok(msim_sim_move_pinned(sim, 2, handles, to, 10. / 60, err));
+      assert_ok(msim_sim_step(sim, 1, err));
+      expect_outside(0, sim);
+    }
+    msim_energy e = {.size = sizeof e};
+    msim_sim_energy(sim, &e);
+    assert_true(e.kinetic + e.elastic < 1);
+    assert_true(stats_of(sim).solves <= 120 * 8);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Contacts follow from the state: a run goes on to the bit after a checkpoint, by any number of
+ * threads. */
+static void resumed_runs_are_the_same(void **state) {
+  (void)state;
+  static const int64_t at[] = {20, 31, 40};
+  for (int i = 0; i < SCENES; i++) {
+    msim_scene *scene = stiff_body(i, 3000, 0.3, 0.3);
+    msim_options opt = event_options("linearly-implicit-euler", 1.0 / 60);
+    opt.threads = 1 + i % 2;
+    const msim_stats s = expect_resumable(scene, &opt, 50, 3, at, "stiff contact");
+    assert_true(s.contacts > 0);
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(energy_does_not_grow_in_few_solves),
+                                     cmocka_unit_test(nonlinear_methods_keep_the_bound_too),
+                                     cmocka_unit_test(moved_handles_refuse_no_frame),
+                                     cmocka_unit_test(resumed_runs_are_the_same)};
+  return cmocka_run_group_tests_name("stiff_contact", tests, NULL, NULL);
+}
