@@ -139,12 +139,13 @@ static void moved_handles_refuse_no_frame(void **state) {
  * threads. */
 static void resumed_runs_are_the_same(void **state) {
   (void)state;
-  static const int64_t at[] = {20, 31, 40};
-  for (int i = 0; i < SCENES; i++) {
-    msim_scene *scene = stiff_body(i, 3000, 0.3, 0.3);
-    msim_options opt = event_options("linearly-implicit-euler", 1.0 / 60);
-    opt.threads = 1 + i % 2;
-    const msim_stats s = expect_resumable(scene, &opt, 50, 3, at, "stiff contact");
+  static const int64_t at[] = {8, 14, 20, 31, 40};
+  static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler"};
+  for (int i = 0; i < 2 * SCENES; i++) {
+    msim_scene *scene = stiff_body(i % SCENES, 3000, 0.3, 0.3);
+    msim_options opt = event_options(methods[i / SCENES], 1.0 / 60);
+    opt.threads = 1 + i % 2, opt.newton_rtol = 1e-8;
+    const msim_stats s = expect_resumable(scene, &opt, 50, 5, at, methods[i / SCENES]);
     assert_true(s.contacts > 0);
     msim_scene_destroy(scene);
   }

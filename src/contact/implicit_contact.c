@@ -243,6 +243,7 @@ static double bound_work(contact_solve *j) {
 static void make_guess(contact_solve *j) {
   const ms_stepper *s = j->s;
   const ms_unknowns *rows = &s->model->unknowns;
+  ms_vector_clear_all(s->model->shape, s->work[GUESS]); /* 0 past the unknowns */
   ms_vector_add_scaled(s->model->shape, s->v_next, -1, s->v, s->work[GUESS]);
   for (int32_t i = 0; i < j->e->ncontacts; i++) {
     const ms_contact *c = &j->e->contact[i];
@@ -401,7 +402,11 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
   j->has_solution = 1;
   ms_contact_set_finish_substep(s);
   *settled = is_settled(j);
-  if (!*settled) return MSIM_OK;
+  if (!*settled) {
+    if (!j->e->ncontacts) /* those that are predicted are updated by it */
+      ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, j->e->a_end);
+    return MSIM_OK;
+  }
   if (ms_solid_contact_finish(s, 0)) s->cached_stage_next = 0;
   else ms_contact_set_record(s);
   return MSIM_OK;
