@@ -94,6 +94,16 @@ static inline void check_run(const char *name, const msim_scene *scene, msim_opt
   free_run(&r);
 }
 
+/* A rank returns its sentence by fail_rank, whose memory outlives the thread. */
+static inline const char *fail_rank(const msim_comm *comm, const char *what, const char *why) {
+  static char text[MOST_RANKS][1200];
+  snprintf(text[comm->rank], sizeof text[0], "rank %d: %s: %s", comm->rank, what, why);
+  return text[comm->rank];
+}
+
+#define EXPECT(condition) \
+  if (!(condition)) return fail_rank(comm, #condition, why.text)
+
 /* All explicit methods with fixed steps that one process and ranks both take */
 static inline int is_tested(const char *method) {
   return !is_implicit(method) && strcmp(method, "respa") != 0;

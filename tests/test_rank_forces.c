@@ -75,6 +75,18 @@ static void force_functions(void **state) {
   msim_scene_destroy(short_rope);
 }
 
+/* One rank alone has a damped spring, but all send velocities. */
+static void one_damped_spring(void **state) {
+  (void)state;
+  msim_scene *rope = folded_rope(41);
+  const int32_t ij[2] = {3, 5};
+  const double k = 10, rest = 0.1, damping = 0.5;
+  assert_ok(msim_scene_add_springs(rope, 1, ij, &k, &rest, &damping, err));
+  check_run("one damped spring", rope, options("velocity-verlet", 1e-4), 40, 4);
+  check_run("one damped spring", rope, options("rk4", 1e-4), 40, 4);
+  msim_scene_destroy(rope);
+}
+
 static void moving_pins(void **state) {
   (void)state;
   const int32_t corners[2] = {0, 14};
@@ -117,8 +129,8 @@ static void moving_collider(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(laws_of_springs), cmocka_unit_test(angular_springs),
-      cmocka_unit_test(force_functions), cmocka_unit_test(moving_pins),
-      cmocka_unit_test(moving_collider),
+      cmocka_unit_test(force_functions), cmocka_unit_test(one_damped_spring),
+      cmocka_unit_test(moving_pins),     cmocka_unit_test(moving_collider),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

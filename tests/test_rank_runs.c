@@ -1,6 +1,7 @@
 /* Tests of runs of one scene on several ranks: explicit methods give the bits of one process on
  * regular, shuffled, planar and separate meshes, at planes and colliders. */
 #include "rank_runs.h"
+#include "sim/sim.h"
 
 static void regular_meshes(void **state) {
   (void)state;
@@ -53,6 +54,36 @@ static void several_islands(void **state) {
   msim_options one_system = options("rkc", 5e-4);
   one_system.skip_off = MSIM_SKIP_ISLANDS;
   check_run("islands", scene, one_system, 30, 4);
+  msim_scene_destroy(scene);
+}
+
+static const char *check_bounds(msim_comm *comm, void *data) {
+  const msim_sim *alone = data;
+  const msim_scene scene = {alone->scene};
+  msim_options opt = options("rkc", 1e-4);
+  msim_sim *sim;
+  opt.comm = comm;
+  if (msim_sim_create(&scene, &opt, &sim, NULL)) return "no sim";
+  const ms_bounds *a = &alone->islands->stepper.bounds, *b = &sim->islands->stepper.bounds;
+  const int same =
+      a->omega == b->omega && a->rate == b->rate && a->least_rate == b->least_rate && a->omega > 0;
+  msim_sim_destroy(sim);
+  return same ? NULL : "other bounds";
+}
+
+/* From them rkc has the number of its stages. */
+static void bounds_of_frequencies(void **state) {
+  (void)state;
+  msim_scene *scene = random_mesh(300, 11, 0.02);
+  assert_ok(msim_scene_set_drag(scene, 1e-4, err));
+  const msim_options opt = options("rkc", 1e-4);
+  msim_sim *alone = make_sim(scene, &opt);
+  assert_int_equal(alone->nislands, 1);
+  for (int32_t n = 2; n <= MOST_RANKS; n++) {
+    const char *wrong = run_ranks(n, check_bounds, alone);
+    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+  }
+  msim_sim_destroy(alone);
   msim_scene_destroy(scene);
 }
 
@@ -114,6 +145,7 @@ int main(void) {
       cmocka_unit_test(shuffled_meshes),
       cmocka_unit_test(more_ranks_than_particles),
       cmocka_unit_test(several_islands),
+      cmocka_unit_test(bounds_of_frequencies),
       cmocka_unit_test(planar_scenes),
       cmocka_unit_test(planes_colliders_drag_and_forces),
   };

@@ -74,6 +74,11 @@ msim_status ms_ranks_agree_on(ms_ranks *ranks, msim_status status, ms_agreement 
   return MSIM_OK;
 }
 
+void ms_ranks_gather(ms_ranks *ranks, int64_t bytes, const void *mine, void *all) {
+  const msim_comm *c = ranks->comm;
+  if (!ranks->failed) keep_failure(ranks, c->gather(c->self, bytes, mine, all));
+}
+
 void ms_ranks_gather_parts(ms_ranks *ranks, const int64_t *bytes, const void *mine, void *all) {
   const msim_comm *c = ranks->comm;
   if (!ranks->failed) keep_failure(ranks, c->gather_parts(c->self, bytes, mine, all));

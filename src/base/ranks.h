@@ -38,6 +38,7 @@ static inline msim_status ms_ranks_agree(ms_ranks *ranks, msim_status status, ms
 }
 
 /* As in msim_comm; a failure is kept for the next agreement. */
+void ms_ranks_gather(ms_ranks *ranks, int64_t bytes, const void *mine, void *all);
 void ms_ranks_gather_parts(ms_ranks *ranks, const int64_t *bytes, const void *mine, void *all);
 void ms_ranks_all_to_all(ms_ranks *ranks, const int64_t *send_bytes, const void *send,
                          const int64_t *receive_bytes, void *receive);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/ranks.h"
 #include "base/simd.h"
 #include "base/vector_kernels.h"
 
@@ -95,6 +96,7 @@ double ms_vector_dot(ms_shape s, const double *x, const double *y) {
     for (int32_t r = 0; r < s.n; r += CHUNK)
       sum += dot_chunk(x + at + r, y + at + r, s.n - r < CHUNK ? s.n - r : CHUNK);
   }
+  if (s.ranks) ms_ranks_sum(s.ranks, 1, &sum);
   return sum;
 }
 

@@ -9,11 +9,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+struct ms_ranks;
+
 typedef struct ms_shape {
-  int32_t n;      /* rows */
-  int32_t stride; /* doubles from one component to the next */
-  int32_t dims;   /* components */
-  int32_t isa;    /* instruction set of the kernels (isa.h) */
+  int32_t n;              /* rows */
+  int32_t stride;         /* doubles from one component to the next */
+  int32_t dims;           /* components */
+  int32_t isa;            /* instruction set of the kernels (isa.h) */
+  struct ms_ranks *ranks; /* products are sums over all ranks (ranks.h); NULL: over these rows */
 } ms_shape;
 
 void ms_vector_copy(ms_shape s, const double *x, double *y);
@@ -35,7 +38,7 @@ void ms_vector_three_term(ms_shape s, const double *y0, double a, const double *
 /* z = x + sum_k w_k y_k, summed in this order. Nullable: x (0). */
 void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w /* n */,
                                   const double *const *y /* n */, double *z);
-double ms_vector_dot(ms_shape s, const double *x, const double *y);
+double ms_vector_dot(ms_shape s, const double *x, const double *y); /* collective */
 
 /* The sum of 8 partial sums, as a binary tree: an order that SIMD registers of any width follow. */
 static inline double ms_vector_sum_lanes(const double l[8]) {

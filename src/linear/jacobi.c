@@ -5,6 +5,7 @@
 
 #include "base/simd.h"
 #include "physics/angle_springs.h"
+#include "physics/rank_model.h"
 
 msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi,
                              msim_error *err) {
@@ -26,6 +27,7 @@ static double choose_scale(const ms_model *model, const ms_coefficients *a) {
   for (size_t c = 0; c < (size_t)a->block; c++)
     for (size_t r = 0; r < (size_t)model->unknowns.nfree; r++)
       largest = fmax(largest, a->diagonal[c * s + r]);
+  ms_ranks_maximum(model->shape.ranks, 1, &largest);
   int exponent;
   frexp(largest, &exponent);
   return ldexp(1, 2 * (exponent / 2));
@@ -216,7 +218,9 @@ double ms_jacobi_norm(const ms_model *model, const ms_coefficients *a, const dou
   else add_squared_norms(1, 2, model, a, r, l);
   for (int32_t row = nfree - nfree % MS_SLICE; row < nfree; row++)
     l[row % MS_SLICE] += squared_norm_of_unknown(model, a, r, row);
-  return sqrt(ms_vector_sum_lanes(l));
+  double sum = ms_vector_sum_lanes(l);
+  ms_ranks_sum(model->shape.ranks, 1, &sum);
+  return sqrt(sum);
 }
 
 void ms_jacobi_factor_blocks(const ms_model *model, const ms_coefficients *a, double *roots) {

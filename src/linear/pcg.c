@@ -9,6 +9,7 @@
 #include "linear/residual.h"
 #include "physics/angle_springs.h"
 #include "physics/particle_blocks.h"
+#include "physics/rank_model.h"
 
 MS_TABLES(ms_pcg_kernels);
 
@@ -47,25 +48,49 @@ static void advance_chunk(void *data, int32_t begin, int32_t end) {
   j->s->kernels->advance(j->s, j->alpha, j->beta, begin, end);
 }
 
-/* q = A p. Returns p.q. */
+/* The share of p.q of angular springs that count on another rank */
+static double sum_foreign_angles(const ms_pcg *s) {
+  const ms_linear_system *system = s->base.system;
+  const struct ms_rank_model *shared = system->model->rank_model;
+  double sum = 0;
+  for (int32_t k = 0; shared && k < shared->nangles; k++)
+    sum += ms_angle_springs_product_of(system->model, &system->a, shared->angle[k], s->p);
+  return sum;
+}
+
+/* q = A p. Returns p.q, over all ranks. */
 static double pcg_apply(ms_pcg *s) {
   double sum;
+  ms_rank_model_refresh(s->base.system->model, s->p, NULL);
   const int32_t n = pcg_run(pcg_apply_chunk, &(pcg_sweep){.s = s});
   s->kernels->apply_split_rows(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   const ms_linear_system *system = s->base.system;
   const double by = 1 / s->jacobi.scale;
   sum += ms_angle_springs_apply(system->model, &system->a, by, s->p, s->q);
+  sum -= by * sum_foreign_angles(s);
   if (system->a.own)
     sum += ms_particle_blocks_apply(system->model, system->a.own, 1, by, s->p, s->q);
-  return sum + ms_coefficients_apply_constraints(system->model, &system->a, 1, by, s->p, s->q);
+  sum += ms_coefficients_apply_constraints(system->model, &system->a, 1, by, s->p, s->q);
+  ms_ranks_sum(system->model->shape.ranks, 1, &sum);
+  return sum;
 }
 
-/* r -= alpha q,  z = D^-1 r. Returns r.z. */
+/* r -= alpha q,  z = D^-1 r. Returns r.z, over all ranks. */
 static double pcg_reduce(ms_pcg *s, double alpha) {
   double sum = 0;
   const int32_t n = pcg_run(reduce_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
+  ms_ranks_sum(s->base.system->model->shape.ranks, 1, &sum);
+  return sum;
+}
+
+/* The coarse correction of r, to coarse.z, and that of the modes of ranks, to z. Returns their
+ * share of r.z, over all ranks; each has a coarse space of its own unknowns. */
+static double pcg_solve_coarse(ms_pcg *s) {
+  double sum = s->coarse_is_ready ? ms_coarse_solve(&s->coarse, s->r) : 0;
+  if (s->modes && s->modes->is_ready) return ms_rank_modes_solve(s->modes, sum, s->r, s->z);
+  ms_ranks_sum(s->base.system->model->shape.ranks, 1, &sum);
   return sum;
 }
 
@@ -128,14 +153,24 @@ static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
                                                                                 : MSIM_NOT_SPD;
 }
 
+static msim_status factor_own(ms_pcg *s, int32_t kind) {
+  const ms_model *model = s->base.system->model;
+  const msim_status status = ms_jacobi_invert(model, &s->base.system->a, kind, &s->jacobi);
+  if (status) return status;
+  pcg_run(pack_chunk, &(pcg_sweep){.s = s});
+  return s->base.aggregates ? factor_coarse(s, kind) : MSIM_OK;
+}
+
 static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)err;
   ms_pcg *s = (ms_pcg *)base;
-  const ms_model *model = base->system->model;
-  msim_status status = ms_jacobi_invert(model, &base->system->a, kind, &s->jacobi);
-  if (status) return status;
-  pcg_run(pack_chunk, &(pcg_sweep){.s = s});
-  return base->aggregates ? factor_coarse(s, kind) : MSIM_OK;
+  msim_status status = factor_own(s, kind);
+  if (!s->modes) return status;
+  ms_agreement bits = {.any = base->aggregates > 0}; /* a coarse space is worthwhile on a rank */
+  status = ms_ranks_agree_on(base->system->model->shape.ranks, status, &bits, NULL);
+  s->modes->is_ready = 0;
+  if (!status && bits.any) ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale);
+  return status;
 }
 
 /*------------------------------------- iterations -----------------------------------------------*/
@@ -153,7 +188,7 @@ static msim_status pcg_iterate(ms_pcg *s, double goal, int64_t limit, int64_t *i
       ms_vector_axpy(shape, alpha, s->p, s->y);
       return done ? MSIM_OK : MSIM_NOT_CONVERGED;
     }
-    if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);
+    rho_new += pcg_solve_coarse(s);
     pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
     rho = rho_new;
     const double curvature = pcg_apply(s);
@@ -203,7 +238,7 @@ static int descend_once(ms_pcg *s, const ms_descent_target *d, const double *b, 
   ms_vector_axpy(shape, 1 / s->jacobi.scale, b, s->r);
   for (int32_t i = 0; curvature > 0; i++, ++*iterations) {
     double rho_new = pcg_reduce(s, alpha);
-    if (s->coarse_is_ready) rho_new += ms_coarse_solve(&s->coarse, s->r);
+    rho_new += pcg_solve_coarse(s);
     if (i == 0) goal = d->rtol * d->rtol * rho_new;
     if (rho_new <= goal || i >= d->max_iterations) break;
     pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
@@ -238,7 +273,7 @@ static void pcg_precondition(ms_linear *base, const double *r, double *z) {
   ms_vector_copy(shape, r, s->r);
   ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);
   pcg_reduce(s, 0);
-  if (s->coarse_is_ready) ms_coarse_solve(&s->coarse, s->r);
+  pcg_solve_coarse(s);
   pcg_advance(s, 0, 0);
   ms_vector_copy(shape, s->p, z);
 }
@@ -250,6 +285,7 @@ static void pcg_destroy(ms_linear *base) {
   ms_pcg *s = (ms_pcg *)base;
   const msim_allocator *alloc = &base->system->model->scene->alloc;
   ms_coarse_destroy(&s->coarse);
+  ms_rank_modes_destroy(alloc, s->modes);
   ms_jacobi_destroy(base->system->model, &s->jacobi);
   ms_compression_destroy(&s->compression);
   MS_FREE(alloc, s->coefficients, s->inverse, s->factored_inverse, s->inertia, s->r, s->z, s->p,
@@ -269,7 +305,8 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
                    MS_NEW(alloc, s->sums, ms_pool_count_chunks(model->half_edges.nslices, CHUNK)) &&
                    MS_NEW_VECTORS(model->scene, &model->unknowns, &s->r, &s->z, &s->p, &s->q);
   if (!fits) return ms_error_set_memory(err, "conjugate gradients");
-  const msim_status status = ms_compression_create(model, &s->compression, err);
+  msim_status status = ms_compression_create(model, &s->compression, err);
+  if (!status) status = ms_rank_modes_create(model, &s->modes, err);
   return status ? status : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
 }
 

@@ -21,6 +21,7 @@
 #include "linear/compression.h"
 #include "linear/jacobi.h"
 #include "linear/linear.h"
+#include "linear/rank_modes.h"
 
 typedef struct ms_pcg {
   ms_linear base;
@@ -37,6 +38,7 @@ typedef struct ms_pcg {
   float *factored_inverse; /* `inverse` when it was computed */
   double factored_scale;   /* jacobi.scale when it was computed */
   double *sums;            /* one per chunk of slices */
+  ms_rank_modes *modes;    /* the top level on several ranks; NULL: one process */
   const struct ms_pcg_kernels *kernels;
 } ms_pcg;
 

@@ -9,6 +9,7 @@
 #include "linear/jacobi.h"
 #include "linear/residual.h"
 #include "physics/offender.h"
+#include "physics/rank_model.h"
 #include "scene/options.h"
 
 /*------------------------------------- creation and destruction ---------------------------------*/
@@ -130,25 +131,28 @@ void ms_solver_update_springs(ms_solver *s) {
 
 /*------------------------------------- one solve ------------------------------------------------*/
 
-/* The first unknown whose diagonal block is not finite; -1: none. */
-static int32_t bad_coefficients(const ms_linear_system *s) {
-  const ms_unknowns *rows = &s->model->unknowns;
-  const ms_shape shape = {.n = rows->nfree, .stride = rows->first_pinned, .dims = s->a.block};
-  return ms_vector_find_invalid(shape, s->a.diagonal);
+/* MSIM_NOT_FINITE, on all ranks, if a number of x is not finite on one of them */
+static msim_status check_finite(ms_solver *s, ms_shape shape, const double *x) {
+  s->offender = ms_vector_find_invalid(shape, x);
+  return ms_ranks_agree(s->system.model->shape.ranks, s->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE,
+                        NULL);
 }
 
 static msim_status solver_assemble(ms_solver *s, const ms_linear_system_spec *r, int clamp) {
   double start = ms_clock_now();
+  const ms_unknowns *rows = &s->system.model->unknowns;
+  const ms_shape blocks = {
+      .n = rows->nfree, .stride = rows->first_pinned, .dims = s->system.a.block};
   s->constant_h = 0;
   ms_coefficients_compute(s->system.model, r->x, r->h, clamp, &s->system.a);
   ms_coefficients_add_constraints(s->system.model, r->constraint, r->nconstraints, &s->system.a);
   s->system.damping_derivative = (ms_damping_derivative){r->x, r->v, r->h};
   s->system.clamped = clamp;
   s->h = r->h;
-  s->offender = bad_coefficients(&s->system);
+  const msim_status status = check_finite(s, blocks, s->system.a.diagonal);
   s->stats->assemblies++;
   s->stats->assemble_s += ms_clock_now() - start;
-  return s->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+  return status;
 }
 
 static void solver_expand(ms_solver *s, ms_linear *linear) {
@@ -202,8 +206,8 @@ static msim_status form_right_hand_side(ms_solver *s, const ms_linear_system_spe
   if (r->base) {
     ms_residual_compute_change_rhs(&s->system, *b, r->base, s->b);
     *b = s->b;
-    s->offender = ms_vector_find_invalid(s->system.model->shape, s->b);
-    if (s->offender >= 0) return MSIM_NOT_FINITE;
+    const msim_status status = check_finite(s, s->system.model->shape, s->b);
+    if (status) return status;
   }
   s->target.size = ms_jacobi_norm(s->system.model, &s->system.a, *b);
   if (r->guess)
@@ -449,12 +453,12 @@ static msim_status solve_once(ms_solver *s, const ms_linear_system_spec *r, cons
 msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
                             double *v, msim_error *err) {
   const ms_shape shape = solver->system.model->shape;
-  solver->offender = ms_vector_find_invalid(shape, b); /* -1: none */
-  if (solver->offender >= 0) return MSIM_NOT_FINITE;
+  msim_status status = check_finite(solver, shape, b);
+  if (status) return status;
   solver->target =
       (ms_linear_target){.rtol = spec->rtol, .max_iterations = solver->opt->solver_max_iterations};
   solver->stats->solves++;
-  msim_status status = solve_once(solver, spec, b, v, err);
+  status = solve_once(solver, spec, b, v, err);
   const int at_limit = status == MSIM_NOT_CONVERGED && !spec->v;
   solver->incomplete =
       at_limit && !solver->linear->factorises && ms_options_accept_incomplete(solver->opt);
@@ -466,8 +470,7 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec
     ms_momentum_balance(solver->system.model, &solver->system.a, &solver->components,
                         spec->base || spec->guess ? solver->b : b, v);
   if (spec->guess) ms_vector_axpy(shape, 1, spec->guess, v);
-  solver->offender = ms_vector_find_invalid(shape, v);
-  return solver->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+  return check_finite(solver, shape, v);
 }
 
 /*------------------------------------- descent directions ---------------------------------------*/
@@ -484,17 +487,16 @@ int ms_solver_can_descend(const ms_solver *s) {
 msim_status ms_solver_descend(ms_solver *s, const ms_linear_system_spec *r, const double *b,
                               double *v, msim_error *err) {
   const ms_shape shape = s->system.model->shape;
-  s->offender = ms_vector_find_invalid(shape, b);
+  msim_status status = check_finite(s, shape, b);
   s->incomplete = 0;
-  if (s->offender >= 0) return MSIM_NOT_FINITE;
+  if (status) return status;
   s->stats->solves++;
-  msim_status status = solver_assemble(s, r, r->clamp);
+  status = solver_assemble(s, r, r->clamp);
   if (!status) status = solver_factor(s, s->linear, MSIM_FACTOR_SYMMETRIC, err);
   if (status) return status;
   const double start = ms_clock_now();
   const ms_descent_target d = {r->rtol, s->opt->solver_max_iterations};
   s->linear->ops->descend(s->linear, &d, b, v, &s->stats->iterations);
   s->stats->solve_s += ms_clock_now() - start;
-  s->offender = ms_vector_find_invalid(shape, v);
-  return s->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
+  return check_finite(s, shape, v);
 }

@@ -75,7 +75,8 @@ msim_status ms_solver_choice_make(const ms_linear_system *system, const msim_opt
                                   ms_solver_choice *choice, msim_error *err) {
   const ms_model *model = system->model;
   *choice = (ms_solver_choice){0};
-  if (!(model->features & MS_HAS_SPRINGS) || model->unknowns.nfree == 0) {
+  const int is_empty = model->unknowns.nfree == 0 && !model->shape.ranks;
+  if (!(model->features & MS_HAS_SPRINGS) || is_empty) {
     snprintf(choice->reason, sizeof choice->reason,
              "no springs or no free particles: the matrix is diagonal");
     return ms_diagonal_create(system, &choice->linear, err);

@@ -243,6 +243,15 @@ static void multiply_elements(void *data, int32_t begin, int32_t end) {
       ms_angle_kernels_of[j->model->isa]->multiply(j->model, j->a, j->x, begin, end);
 }
 
+double ms_angle_springs_product_of(const ms_model *model, const ms_coefficients *a, int32_t e,
+                                   const double *x) {
+  double element[MS_ANGLE_ELEMENT], p[3], q[3], yp[3], yq[3];
+  ms_angle_springs_get_element(a, e, element);
+  load_edges(model, e, x, p, q);
+  ms_angle_multiply(element, p, q, yp, yq);
+  return ms_vec3_dot(p, yp) + ms_vec3_dot(q, yq);
+}
+
 double ms_angle_springs_apply(const ms_model *model, const ms_coefficients *a, double by,
                               const double *x, double *y) {
   const angle_job j = {.model = model, .a = a, .x = x, .y = y, .by = by};

@@ -46,6 +46,10 @@ static inline void ms_angle_springs_get_element(const ms_coefficients *a, int32_
  * unknown to a->diagonal. */
 void ms_angle_springs_add_matrix(const ms_model *model, double h, int clamp, ms_coefficients *a);
 
+/* x.K x for the element of one of them */
+double ms_angle_springs_product_of(const ms_model *model, const ms_coefficients *a, int32_t e,
+                                   const double *x);
+
 /* y += by K x on the unknowns, K the sum of their elements; past them x must be 0. It acts on
  * differences, as that of springs does. Returns by x.K x. */
 double ms_angle_springs_apply(const ms_model *model, const ms_coefficients *a, double by,

@@ -9,6 +9,7 @@
 #include "physics/law_springs.h"
 #include "physics/matrix_kernels.h"
 #include "physics/particle_blocks.h"
+#include "physics/rank_model.h"
 
 MS_TABLES(ms_matrix_kernels);
 
@@ -75,6 +76,7 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
     compute_scalar(model, h, a);
     return;
   }
+  ms_rank_model_refresh(model, x, NULL);
   ms_vector_copy_all(model->shape, x, a->x);
   ms_coefficients_job j = {.model = model, .a = a, .x = x, .h = h, .clamp = clamp};
   ms_pool_run_chunks(model->pool, compute_coefficients_chunk, &j,
@@ -134,6 +136,7 @@ double ms_coefficients_apply_constraints(const ms_model *model, const ms_coeffic
 static void apply_coefficients(const ms_model *model, const ms_coefficients *a, double share,
                                int32_t components, const double *x, double *y) {
   const size_t stride = (size_t)model->unknowns.stride, end = (size_t)model->unknowns.first_pinned;
+  ms_rank_model_refresh_components(model, components, x);
   ms_product_job j = {
       .model = model, .a = a, .x = x, .y = y, .share = share, .components = components};
   ms_pool_run_chunks(model->pool, apply_coefficients_chunk, &j,
@@ -190,6 +193,7 @@ static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const
 
 void ms_coefficients_apply_abs(const ms_model *model, const ms_coefficients *a, const double *x,
                                double *y) {
+  ms_rank_model_refresh(model, x, NULL);
   for (size_t row = 0; row < (size_t)model->unknowns.nfree; row++)
     apply_abs_row(model, a, x, row, y);
   ms_angle_springs_apply_abs(model, a, x, y);

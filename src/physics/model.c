@@ -76,7 +76,8 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   if (!status) status = ms_angles_create(scene, island, &model->unknowns, &model->angles, err);
   if (status) return status;
   const ms_unknowns *rows = &model->unknowns;
-  model->shape = (ms_shape){rows->nfree, rows->stride, rows->dims, model->isa};
+  model->shape =
+      (ms_shape){.n = rows->nfree, .stride = rows->stride, .dims = rows->dims, .isa = model->isa};
   size_t count = (size_t)rows->first_pinned;
   if (!MS_NEW(&scene->alloc, model->mass, count) || !MS_NEW(&scene->alloc, model->inv_mass, count))
     return ms_error_set_memory(err, "the masses");

@@ -57,11 +57,13 @@ static void share_features(ms_model *model, ms_ranks *ranks) {
 msim_status ms_rank_model_connect(ms_model *model, const ms_rank_part *part, msim_error *err) {
   const ms_scene *s = model->scene;
   struct ms_rank_model *m = model->rank_model = ms_memory_allocate(&s->alloc, 1, sizeof *m);
+  if (m) m->part = part;
   const int fits = m && list_foreign(model, part, m);
   msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the springs between ranks");
   status = ms_ranks_agree(part->ranks, status, err);
   if (!status) status = ms_halo_create(s, &model->unknowns, part, &m->halo, err);
   if (!status) share_features(model, part->ranks);
+  model->shape.ranks = part->ranks;
   return status;
 }
 

@@ -9,6 +9,7 @@
 /* A spring between two ranks belongs to the model of both. Its energy counts at the owner of its
  * first free end, that of an angular spring at the owner of its first free corner. */
 struct ms_rank_model {
+  const ms_rank_part *part; /* of the sim */
   ms_halo *halo;
   int32_t nsprings, nangles;
   int32_t *spring, *angle; /* those that count elsewhere, of model->springs and model->angles */
@@ -24,6 +25,14 @@ static inline void ms_rank_model_refresh(const ms_model *model, const double *x,
   if (model->rank_model) /* x and v are vectors of a stepper or solver */
     ms_halo_refresh(model->rank_model->halo, model->unknowns.dims, model->unknowns.stride,
                     (double *)(uintptr_t)x, (double *)(uintptr_t)v);
+}
+
+/* The same for a vector of so many components */
+static inline void ms_rank_model_refresh_components(const ms_model *model, int32_t components,
+                                                    const double *x) {
+  if (model->rank_model)
+    ms_halo_refresh(model->rank_model->halo, components, model->unknowns.stride,
+                    (double *)(uintptr_t)x, NULL);
 }
 
 /* The ranks of the model; NULL: one process */

@@ -58,6 +58,8 @@ ms_totals ms_totals_compute(const ms_model *model, const double *x, const double
   if (model->laws) sum.elastic += ms_law_springs_energy(model, x);
   sum.elastic += ms_angle_springs_energy(model, x);
   if (model->rank_model) sum.elastic -= ms_rank_model_foreign_energy(model, x);
-  if (model->force) sum.force_work = ms_vector_dot(model->shape, model->force, x);
+  ms_shape own = model->shape;
+  own.ranks = NULL;
+  if (model->force) sum.force_work = ms_vector_dot(own, model->force, x);
   return sum;
 }

@@ -32,6 +32,23 @@ typedef struct refusal {
   const char *what, *remedy;
 } refusal;
 
+static int any_rank_is_empty(const ms_rank_part *part) {
+  for (int32_t r = 0; r < part->ranks->n; r++)
+    if (part->bytes[r] == 0) return 1;
+  return 0;
+}
+
+/* Of implicit methods */
+static refusal find_refused_system(const msim_sim *sim) {
+  const msim_options *opt = &sim->config.opt;
+  if (strcmp(opt->solver, "pcg") != 0) return (refusal){"that solver", "use solver = pcg"};
+  if (opt->indefinite == MSIM_INDEFINITE_SOLVE)
+    return (refusal){"indefinite = solve", "use indefinite = clamp"};
+  if (any_rank_is_empty(sim->part))
+    return (refusal){"fewer free particles than ranks", "use fewer ranks"};
+  return (refusal){NULL, NULL};
+}
+
 static refusal find_refused_option(const msim_sim *sim) {
   const msim_options *opt = &sim->config.opt;
   if (ms_sim_has_control(sim))
@@ -43,18 +60,20 @@ static refusal find_refused_option(const msim_sim *sim) {
     return (refusal){"newton.retries", "set newton.retries = 0, and a shorter h"};
   if (ms_scene_breaks(sim->scene))
     return (refusal){"springs that break", "use laws without break_strain and break_force"};
+  if (sim->config.integrator->entry.implicit) return find_refused_system(sim);
   return (refusal){NULL, NULL};
 }
 
-msim_status ms_rank_sim_check(const msim_sim *sim, msim_error *err) {
+msim_status ms_rank_sim_check(msim_sim *sim, msim_error *err) {
   if (!sim->part) return MSIM_OK;
   const ms_integrator *method = sim->config.integrator;
   const int32_t n = sim->part->ranks->n;
-  if (ms_sim_selects(sim) || method->is_multirate || method->entry.implicit)
+  if (ms_sim_selects(sim) || method->is_multirate || method->nonlinear)
     return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
-                        "%d ranks do not support integrator '%s'; use velocity-verlet, or one "
-                        "process",
+                        "%d ranks do not support integrator '%s'; use velocity-verlet, "
+                        "linearly-implicit-euler, or one process",
                         n, ms_sim_selects(sim) ? "auto" : method->entry.name);
+  if (strcmp(sim->config.opt.solver, "auto") == 0) sim->config.opt.solver = "pcg";
   const refusal r = find_refused_option(sim);
   if (!r.what) return MSIM_OK;
   return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
@@ -75,9 +94,22 @@ static uint64_t hash_sim(const msim_sim *sim) {
   const ms_scene *s = sim->scene;
   const msim_options *opt = &sim->config.opt;
   const size_t n = (size_t)s->nparticles, m = (size_t)s->nsprings, real = sizeof(double);
-  const double numbers[] = {opt->h,         (double)opt->steps, opt->t_end,
-                            opt->collision, (double)opt->every, opt->fps,
-                            opt->skip_off,  opt->watch,         ms_isa_choose()};
+  const double numbers[] = {opt->h,
+                            (double)opt->steps,
+                            opt->t_end,
+                            opt->collision,
+                            (double)opt->every,
+                            opt->fps,
+                            opt->skip_off,
+                            opt->watch,
+                            opt->solver_rtol,
+                            opt->solver_max_iterations,
+                            opt->jacobian,
+                            opt->indefinite,
+                            opt->incomplete,
+                            opt->heun_collision,
+                            opt->verlet_start,
+                            ms_isa_choose()};
   const struct {
     const void *data;
     size_t bytes;

@@ -9,8 +9,8 @@
 msim_status ms_rank_sim_join(const msim_comm *comm, const msim_allocator *alloc, ms_ranks **ranks,
                              msim_error *err);
 
-/* Refuse options and scenes that ranks do not support. */
-msim_status ms_rank_sim_check(const msim_sim *sim, msim_error *err);
+/* Refuse options and scenes that ranks do not support; solver = auto becomes pcg. */
+msim_status ms_rank_sim_check(msim_sim *sim, msim_error *err);
 
 /* Refuse scenes or options that differ between ranks; collective. */
 msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err);

@@ -1,0 +1,133 @@
+/* Tests of what several ranks refuse: options, scenes that differ between ranks, functions. */
+#include "rank_runs.h"
+
+typedef struct refused {
+  const msim_scene *scene;
+  msim_options opt;
+  const char *word;
+} refused;
+
+static const char *check_refused(msim_comm *comm, void *data) {
+  const refused *r = data;
+  msim_options opt = r->opt;
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_ERR_UNSUPPORTED);
+  EXPECT(!sim && strstr(why.text, r->word) && strstr(why.text, "2 ranks do not support"));
+  return NULL;
+}
+
+static void check_refusal(const msim_scene *scene, msim_options opt, const char *word) {
+  refused r = {scene, opt, word};
+  const char *wrong = run_ranks(2, check_refused, &r);
+  if (wrong) fail_msg("%s: %s", word, wrong);
+}
+
+static void options_are_refused_on_all_ranks(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 100, 0), *breaking = hanging_cloth(9, 100, 0);
+  const msim_law law = {.size = sizeof law, .kind = MSIM_LAW_LINEAR, .break_strain = 2};
+  int32_t index;
+  assert_ok(msim_scene_add_law(breaking, &law, &index, err));
+  assert_ok(msim_scene_set_law(breaking, 1, &(int32_t){0}, index, err));
+  check_refusal(breaking, options("velocity-verlet", 1e-3), "springs that break");
+  msim_options opt = options("auto", 1e-3);
+  opt.t_end = 1;
+  check_refusal(cloth, opt, "auto");
+  check_refusal(cloth, options("respa", 1e-3), "respa");
+  check_refusal(cloth, options("implicit-midpoint", 1e-3), "implicit-midpoint");
+  opt = options("rk4", 1e-3), opt.tol = 1e-4;
+  check_refusal(cloth, opt, "tol");
+  opt = options("rk4", 1e-3), opt.newton_retries = 2;
+  check_refusal(cloth, opt, "newton.retries");
+  opt = options("rk4", 1e-3), opt.contacts = MSIM_CONTACTS_ON;
+  check_refusal(cloth, opt, "contacts");
+  opt = options("linearly-implicit-euler", 1e-3), opt.solver = "cholmod";
+  check_refusal(cloth, opt, "that solver");
+  opt = options("linearly-implicit-euler", 1e-3), opt.indefinite = MSIM_INDEFINITE_SOLVE;
+  check_refusal(cloth, opt, "indefinite = solve");
+  plane(cloth, 0, 0, 1, -1, 0.5, 0);
+  opt = options("rk4", 1e-3), opt.collision = MSIM_COLLISION_EVENT;
+  check_refusal(cloth, opt, "collision = event");
+  msim_scene_destroy(cloth);
+  msim_scene_destroy(breaking);
+}
+
+/* Rank 1 has another scene, or another h. */
+static const char *check_differences(msim_comm *comm, void *data) {
+  const msim_scene *const *scenes = data;
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  for (int kind = 0; kind < 2; kind++) {
+    msim_options opt = options("velocity-verlet", kind == 1 && comm->rank == 1 ? 1e-3 : 1e-4);
+    opt.comm = comm;
+    EXPECT(msim_sim_create(scenes[kind == 0 && comm->rank == 1], &opt, &sim, &why) == MSIM_ERR_ARG);
+    EXPECT(!sim && strstr(why.text, "the 3 ranks have different scenes or options"));
+  }
+  return NULL;
+}
+
+static void different_scenes_are_refused(void **state) {
+  (void)state;
+  const msim_scene *scenes[2] = {hanging_cloth(9, 100, 0), hanging_cloth(9, 100.001, 0)};
+  const char *wrong = run_ranks(3, check_differences, scenes);
+  if (wrong) fail_msg("%s", wrong);
+  for (int i = 0; i < 2; i++) msim_scene_destroy((msim_scene *)(uintptr_t)scenes[i]);
+}
+
+static const char *check_functions(msim_comm *comm, void *data) {
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim, *copy;
+  msim_error why = {0};
+  msim_recorder *recorder;
+  const char *text;
+  const double k[3] = {0, 0, -1};
+  const int32_t pin = 0;
+  char bytes[64];
+  size_t length;
+  msim_edit edit = {.size = sizeof edit};
+  msim_estimate estimate = {.size = sizeof estimate};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
+  const msim_status statuses[] = {
+      msim_sim_set_springs(sim, NULL, NULL, NULL, &why),
+      msim_sim_set_gravity(sim, k, &why),
+      msim_sim_set_drag(sim, 1, &why),
+      msim_sim_set_forces(sim, NULL, &why),
+      msim_sim_move_pinned(sim, 1, &pin, k, 1, &why),
+      msim_sim_set_pinned(sim, 1, &pin, 0, &why),
+      msim_sim_move_collider(sim, 0, k, NULL, 1, &why),
+      msim_sim_edit(sim, &edit, &why),
+      msim_sim_break(sim, 0, NULL, &why),
+      msim_sim_save(sim, bytes, sizeof bytes, &length, &why),
+      msim_sim_load(sim, bytes, sizeof bytes, &why),
+      msim_sim_clone(sim, &copy, &why),
+      msim_sim_estimate(sim, &estimate, &why),
+      msim_sim_explain(sim, &text, &why),
+      msim_recorder_open(sim, "unused.csv", &recorder, &why),
+  };
+  for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++)
+    if (statuses[i] != MSIM_ERR_UNSUPPORTED) return fail_rank(comm, "a function", why.text);
+  EXPECT(strstr(why.text, "a recorder is not supported where 2 ranks share the scene"));
+  EXPECT(msim_sim_set_step(sim, 5e-5, &why) == MSIM_OK && msim_sim_step(sim, 3, &why) == MSIM_OK);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void functions_are_refused(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 100, 0);
+  const char *wrong = run_ranks(2, check_functions, cloth);
+  if (wrong) fail_msg("%s", wrong);
+  msim_scene_destroy(cloth);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(options_are_refused_on_all_ranks),
+      cmocka_unit_test(different_scenes_are_refused),
+      cmocka_unit_test(functions_are_refused),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
