@@ -18,7 +18,7 @@ CLI = os.environ["MSIM_CLI"]
 SCENES = Path(os.environ["MSIM_SCENES"])
 INTEGRATORS = ("explicit-euler heun verlet linearly-implicit-euler symplectic-euler "
                "velocity-verlet rk4 dop853").split()
-OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations jacobian indefinite "
+OPTIONS = ("integrator h steps t_end solver solver.rtol solver.max_iterations solver.options jacobian indefinite "
            "newton.rtol newton.max_iterations collision tol threads heun.collision verlet.start "
            "every fps sync skip.springs skip.kept_factor "
            "skip.two_d skip.zero_rest_length skip.at_rest skip.islands").split()

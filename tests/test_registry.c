@@ -186,7 +186,7 @@ static void lists_fill_as_much_as_the_caller_has(void **state) {
   int32_t (*const lists[])(int32_t, const char *, msim_plugin_entry *, msim_error *) = {
       msim_solver_info, msim_recorder_info, msim_importer_info};
   static const char *const first[] = {"auto", "csv", "hdf5"};
-  static const int32_t lengths[] = {9, 4, 1};
+  static const int32_t lengths[] = {10, 4, 1};
   for (int i = 0; i < 3; i++) {
     msim_error why;
     msim_plugin_entry entry = {.available = -5};

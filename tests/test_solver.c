@@ -148,7 +148,8 @@ static void indefinite_solve_needs_a_capable_solver(void **state) {
     msim_sim_destroy(sim);
   } else {
     assert_int_equal(status, MSIM_ERR_ARG);
-    assert_non_null(strstr(why.text, "pcg' cannot solve"));
+    assert_non_null(strstr(why.text, solver));
+    assert_non_null(strstr(why.text, "' cannot solve"));
     assert_null(sim);
   }
   msim_scene_destroy(scene);
@@ -371,7 +372,7 @@ static void analyses_once_factors_when_values_are_new(void **state) {
   msim_stats s = stats_of(sim);
   assert_int_equal(s.assemblies, 7);
   assert_int_equal(s.solves, 7);
-  assert_int_equal(s.analyses, direct);
+  assert_int_equal(s.analyses, direct || strcmp(solver, "petsc") == 0); /* with a matrix */
   assert_int_equal(s.factorizations, direct ? 7 : 0);
   assert_true(direct ? s.iterations == 0 : s.iterations > 7);
   msim_sim_destroy(sim);

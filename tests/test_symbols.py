@@ -12,9 +12,13 @@ NEEDED = re.compile(r"(libc|libm|libjansson|libdl|libpthread|ld-linux.*)\.so\.\d
 SANITIZER = re.compile(r"lib(asan|lsan|tsan|ubsan)\.so\.\d+")
 
 
+# of the linker, exported where a library behind a plugin refers to them
+ENDS = {"__bss_start", "_edata", "_end"}
+
+
 def symbols(path, kind):
     return {line.split()[-1].split("@")[0]
-            for line in support.run("nm", "-D", kind, path).splitlines()}
+            for line in support.run("nm", "-D", kind, path).splitlines()} - ENDS
 
 
 def dynamic(path, tag):

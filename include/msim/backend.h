@@ -14,10 +14,10 @@
  * Without MSIM_PLUGIN the same source can be linked into a program: the symbol is then
  * msim_backend_dense, and msim_options.backends takes the table it returns.
  *
- * Guarantees of the host: calls come in the order create, order, analyze, (factor, solve+)+,
- * destroy, where factor may be repeated, and destroy may follow any call; b, and A if there is a
- * matrix, are finite; n >= 1. Calls for one `self` never overlap; calls for different instances
- * may, in different threads.
+ * Guarantees of the host: calls come in the order create, set_options, order, analyze,
+ * (factor, solve+)+, destroy, where factor may be repeated, and destroy may follow any call; b, and
+ * A if there is a matrix, are finite; n >= 1. Calls for one `self` never overlap; calls for
+ * different instances may, in different threads.
  *
  * Obligations of a backend: it writes to nothing but `self`, y, perm and info; it neither prints
  * nor ends the process; the same calls give the same bits, whatever other instances do; it returns
@@ -94,6 +94,9 @@ typedef struct msim_system {
    * definite if they are not; updated before each factor(). NONE only. z may be r. */
   void (*precondition)(const struct msim_system *A, const double *r, double *z);
   void *data; /* private to the host */
+  /* block n; UPPER and FULL: positions of the block rows when the sim was created, interleaved as
+   * vectors are, of which rigid-body modes can be made; NULL where block = 1, or unknown. */
+  const double *x;
 } msim_system;
 
 /* Stopping criteria of one solve(). */
@@ -152,6 +155,10 @@ struct msim_backend {
                        int32_t nrhs, const double *b, double *y, msim_solve_info *info);
 
   void (*destroy)(void *self); /* accepts NULL and what a failed create() left in *self */
+
+  /* Take the text of option solver.options, once, right after create(); not called without that
+   * option. Nullable: there are none, and the host refuses the option. MSIM_ERR_ARG: invalid. */
+  msim_status (*set_options)(void *self, const char *text);
 };
 
 /* Size of the table in the first version of this ABI, the minimum for a plugin. */

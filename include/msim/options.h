@@ -148,6 +148,7 @@ typedef struct msim_options {
   /* The ranks that simulate the scene together: see msim_sim_create. Nullable; must outlive the sim
    * [NULL] */
   const msim_comm *comm;
+  const char *solver_options; /* for the library behind the solver, in its own words; NULL: none */
 } msim_options;
 
 /* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for

@@ -13,6 +13,7 @@ typedef struct adapter {
   ms_sparse_matrix matrix;
   msim_system view;
   double *b, *y;    /* in the order of the matrix; NULL with MSIM_FORMAT_NONE */
+  double *x;        /* positions at creation, in that order; NULL: not passed on */
   ms_jacobi jacobi; /* with MSIM_FORMAT_NONE; else empty */
 } adapter;
 
@@ -118,7 +119,8 @@ static msim_status adapter_analyze(adapter *self, msim_error *err) {
                              .val = m->val,
                              .apply = adapter_apply,
                              .precondition = self->jacobi.inverse ? adapter_precondition : NULL,
-                             .data = self};
+                             .data = self,
+                             .x = self->x};
   msim_solve_info info = {.size = sizeof info};
   msim_status status = self->table->analyze(self->backend, &self->view, &info);
   self->base.analyses = self->table->format != MSIM_FORMAT_NONE;
@@ -178,10 +180,30 @@ static void adapter_destroy(ms_linear *base) {
   if (self->backend) self->table->destroy(self->backend);
   ms_sparse_matrix_destroy(model, &self->matrix);
   ms_jacobi_destroy(model, &self->jacobi);
-  MS_FREE(&model->scene->alloc, self->b, self->y, self);
+  MS_FREE(&model->scene->alloc, self->b, self->y, self->x, self);
 }
 
-static msim_status adapter_set_up(adapter *self, msim_error *err) {
+static int takes_options(const msim_backend *table) {
+  const size_t least = offsetof(msim_backend, set_options) + sizeof table->set_options;
+  return table->size >= least && table->set_options;
+}
+
+/* Positions in the order of the matrix, for backends that may make rigid-body modes of them. */
+static msim_status pack_positions(adapter *self, msim_error *err) {
+  const ms_model *model = self->base.system->model;
+  const ms_scene *scene = model->scene;
+  const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
+  double *x = ms_unknowns_new_vector(scene, &model->unknowns);
+  const int allocated = x && MS_NEW(&scene->alloc, self->x, length);
+  if (allocated) {
+    ms_unknowns_gather(&model->unknowns, scene->x, x);
+    ms_sparse_matrix_pack(model, &self->matrix, x, self->x);
+  }
+  ms_memory_free(&scene->alloc, x);
+  return allocated ? MSIM_OK : ms_error_set_memory(err, "the linear solver");
+}
+
+static msim_status adapter_set_up(adapter *self, const char *options, msim_error *err) {
   const ms_model *model = self->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
   msim_status status =
@@ -191,11 +213,15 @@ static msim_status adapter_set_up(adapter *self, msim_error *err) {
                           "solver '%s': create() returned MSIM_OK but no instance; report this to "
                           "the author of the plugin",
                           self->table->name);
+  if (!status && options)
+    status = convert_backend_status(self, self->table->set_options(self->backend, options), err);
   if (!status && self->table->format != MSIM_FORMAT_NONE) {
     status = build_matrix(self, err);
     const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
     if (!status && !(MS_NEW(alloc, self->b, length) && MS_NEW(alloc, self->y, length)))
       status = ms_error_set_memory(err, "the linear solver");
+    if (!status && !self->base.factorises && self->base.system->a.block > 1)
+      status = pack_positions(self, err);
   }
   if (!status && self->table->format == MSIM_FORMAT_NONE)
     status = ms_jacobi_create(model, &self->base.system->a, &self->jacobi, err);
@@ -213,6 +239,8 @@ msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
   *linear = NULL;
   msim_status status = ms_backends_find(name, opt, alloc, &table, err);
   if (status) return status;
+  const char *options = strcmp(name, opt->solver) == 0 ? opt->solver_options : NULL;
+  if (options && !takes_options(table)) return ms_backends_refuse_options(name, err);
   adapter *self = ms_memory_allocate(alloc, 1, sizeof *self);
   if (!self) return ms_error_set_memory(err, "the linear solver");
   self->base = (ms_linear){.ops = &ops,
@@ -224,7 +252,7 @@ msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
                            .factorises = !(table->flags & MSIM_BACKEND_ITERATIVE)};
   self->table = table;
   ms_plugin_init_host(&self->host, alloc);
-  status = adapter_set_up(self, err);
+  status = adapter_set_up(self, options, err);
   if (status) adapter_destroy(&self->base);
   else *linear = &self->base;
   return status;

@@ -21,23 +21,25 @@ static msim_status check_format(const void *table, const char *file, msim_error 
 }
 
 #define SUNDIALS .plugin = "sundials", .debian = "libsundials-dev", .conda = "sundials"
-static const ms_registry_plugin known[] = {{.name = "auto", .has_no_table = 1},
-                                           {.name = "pcg", .has_no_table = 1},
-                                           {.name = "cholmod",
-                                            .plugin = "cholmod",
-                                            .debian = "libsuitesparse-dev",
-                                            .conda = "libcholmod",
-                                            .pip = "msim-cholmod"},
-                                           {.name = "klu",
-                                            .plugin = "klu",
-                                            .debian = "libsuitesparse-dev libsundials-dev",
-                                            .conda = "libklu sundials"},
-                                           {.name = "sundials-pcg", SUNDIALS},
-                                           {.name = "sundials-spgmr", SUNDIALS},
-                                           {.name = "sundials-spfgmr", SUNDIALS},
-                                           {.name = "sundials-spbcgs", SUNDIALS},
-                                           {.name = "sundials-sptfqmr", SUNDIALS},
-                                           {NULL}};
+static const ms_registry_plugin known[] = {
+    {.name = "auto", .has_no_table = 1},
+    {.name = "pcg", .has_no_table = 1},
+    {.name = "cholmod",
+     .plugin = "cholmod",
+     .debian = "libsuitesparse-dev",
+     .conda = "libcholmod",
+     .pip = "msim-cholmod"},
+    {.name = "klu",
+     .plugin = "klu",
+     .debian = "libsuitesparse-dev libsundials-dev",
+     .conda = "libklu sundials"},
+    {.name = "petsc", .plugin = "petsc", .debian = "petsc-dev"},
+    {.name = "sundials-pcg", SUNDIALS},
+    {.name = "sundials-spgmr", SUNDIALS},
+    {.name = "sundials-spfgmr", SUNDIALS},
+    {.name = "sundials-spbcgs", SUNDIALS},
+    {.name = "sundials-sptfqmr", SUNDIALS},
+    {NULL}};
 
 #define MEMBER(member) \
   { #member, offsetof(msim_backend, member) }
@@ -66,10 +68,20 @@ msim_status ms_backends_find(const char *name, const msim_options *opt, const ms
   return status;
 }
 
+msim_status ms_backends_refuse_options(const char *name, msim_error *err) {
+  return ms_error_set(
+      err, MSIM_ERR_ARG,
+      "solver '%s' takes no solver.options; remove them, or use a solver that takes "
+      "some, as petsc",
+      name);
+}
+
 msim_status ms_backends_check_name(const msim_options *opt, const msim_allocator *alloc,
                                    msim_error *err) {
   const msim_backend *table;
   if (!opt->solver) return MSIM_OK;
+  if (opt->solver_options && (strcmp(opt->solver, "auto") == 0 || strcmp(opt->solver, "pcg") == 0))
+    return ms_backends_refuse_options(opt->solver, err);
   for (const ms_registry_plugin *solver = known; solver->name; solver++)
     if (strcmp(solver->name, opt->solver) == 0) return MSIM_OK;
   return ms_backends_find(opt->solver, opt, alloc, &table, err);

@@ -50,12 +50,11 @@ static msim_status take_choice(ms_solver *s, const ms_solver_choice *choice, msi
   s->stats->analyses += s->linear->analyses;
   snprintf(s->reason, sizeof s->reason, "%s", choice->reason);
   s->amortization.allowed = may_lag_factor(s) && s->linear->aggregates > 0;
-  if (s->linear->aggregates && !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR)) {
-    const msim_status status = create_linearization_point(s, &s->coarse_point, err);
-    if (status) return status;
-  }
-  if (!may_lag_factor(s) || !s->linear->factorises || !(s->linear->fill > 0)) return MSIM_OK;
-  return start_lagging(s, s->linear, err);
+  msim_status status = MSIM_OK;
+  if (s->linear->aggregates && !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR))
+    status = create_linearization_point(s, &s->coarse_point, err);
+  const int lags = may_lag_factor(s) && s->linear->factorises && s->linear->fill > 0;
+  return status || !lags ? status : start_lagging(s, s->linear, err);
 }
 
 void ms_solver_drop_lagged_factor(ms_solver *s) {
@@ -195,8 +194,7 @@ msim_status ms_solver_factor_at(ms_solver *s, ms_linear *by, const ms_linearizat
                                       .constraint = origin->constraint,
                                       .nconstraints = origin->nconstraints};
   const msim_status status = solver_assemble(s, &spec, origin->clamped);
-  if (status) return status;
-  return solver_factor(s, by, origin->kind, err);
+  return status ? status : solver_factor(s, by, origin->kind, err);
 }
 
 /* Set *b to the right-hand side for the present matrix, and target.size to its norm. */

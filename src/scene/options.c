@@ -70,6 +70,9 @@ static const option table[] = {
      NAN,
      0,
      NULL},
+    TEXT("solver.options", "text", "",
+         "for the library behind the solver, in its own words; petsc takes those of PETSc",
+         solver_options, "\"-ksp_type cg -pc_type gamg\""),
     PICK("jacobian", "exact | clamp", "exact",
          "derivative of spring forces: exact, or with the transverse term of compressed springs "
          "set to 0",

@@ -22,6 +22,14 @@ static msim_status own_string(msim_sim *sim, const char **member, char **own, ms
   return *own ? MSIM_OK : ms_error_set_memory(err, "the options");
 }
 
+/* Copies of all texts among the options, of which the program keeps its own. */
+static msim_status own_strings(msim_sim *sim, msim_error *err) {
+  msim_options *opt = &sim->config.opt;
+  msim_status status = own_string(sim, &opt->solver, &sim->solver, err);
+  if (!status) status = own_string(sim, &opt->solver_options, &sim->solver_options, err);
+  return status ? status : own_string(sim, &opt->plugin_path, &sim->plugin_path, err);
+}
+
 static msim_status set_method(msim_sim *sim, msim_error *err) {
   msim_status status = ms_methods_find(sim->config.opt.integrator, &sim->config.integrator, err);
   if (status) return status;
@@ -127,8 +135,7 @@ static msim_status check_contacts(const msim_sim *sim, msim_error *err) {
 static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
   msim_status status = ms_options_copy(opt, &sim->config.opt, err);
   if (!status) status = ms_options_check(&sim->config.opt, err);
-  if (!status) status = own_string(sim, &sim->config.opt.solver, &sim->solver, err);
-  if (!status) status = own_string(sim, &sim->config.opt.plugin_path, &sim->plugin_path, err);
+  if (!status) status = own_strings(sim, err);
   if (status) return status;
   if (!opt->integrator)
     return ms_error_set(err, MSIM_ERR_ARG,
@@ -216,8 +223,7 @@ msim_status ms_sim_create_empty_copy(const msim_sim *from, msim_sim **sim, msim_
   if (from->created_from) s->created_from = ms_scene_retain(from->created_from);
   if (from->edited_from) s->edited_from = ms_scene_retain(from->edited_from);
   s->edits = from->edits;
-  msim_status status = own_string(s, &s->config.opt.solver, &s->solver, err);
-  if (!status) status = own_string(s, &s->config.opt.plugin_path, &s->plugin_path, err);
+  msim_status status = own_strings(s, err);
   if (!status) status = ms_breaking_prepare(s, err);
   return status ? status : ms_sim_reserve_state(s, s->scene->nparticles, err);
 }
@@ -285,7 +291,7 @@ void msim_sim_destroy(msim_sim *sim) {
   ms_sim_free_state(sim);
   ms_rank_part_destroy(&sim->alloc, sim->part);
   ms_ranks_destroy(&sim->alloc, sim->ranks);
-  MS_FREE(&sim->alloc, sim->solver, sim->plugin_path, sim->contacts);
+  MS_FREE(&sim->alloc, sim->solver, sim->solver_options, sim->plugin_path, sim->contacts);
   ms_scene_release(sim->scene);
   ms_scene_release(sim->chosen_for);
   ms_scene_release(sim->created_from);

@@ -51,9 +51,10 @@ struct msim_sim {
   ms_scene *chosen_for;   /* solvers were chosen for its springs; NULL: for those of `scene` */
   ms_config config;
   ms_run_state run;
-  char *solver, *plugin_path; /* what options.solver and plugin_path point to; nullable */
-  ms_pool *pool;              /* NULL: one thread */
-  int32_t threads_planned;    /* exceeds the threads of the pool if some could not be started */
+  /* what options.solver, solver_options and plugin_path point to; nullable */
+  char *solver, *solver_options, *plugin_path;
+  ms_pool *pool;           /* NULL: one thread */
+  int32_t threads_planned; /* exceeds the threads of the pool if some could not be started */
   msim_stats stats;
   atomic_int stop;
   msim_status last_status; /* of the last call that made or checked steps, for msim_sim_advice */

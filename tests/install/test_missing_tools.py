@@ -27,7 +27,7 @@ class Configuration(unittest.TestCase):
                 [support.setting("CMAKE"), "-S", source, "-B", build,
                  f"-DCMAKE_C_COMPILER={support.setting('CC')}", *options], text=True,
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=100, check=False,
-                env={**os.environ, **dict(environment)})
+                env={**os.environ, "PKG_CONFIG_LIBDIR": build, **dict(environment)})
         return done.returncode, " ".join(done.stdout.split())
 
     def assert_refused(self, words, source, *options, **keywords):
@@ -53,7 +53,7 @@ class MissingLibraries(Configuration):
     def test_plugins(self):
         for name, packages in (("cholmod", "libsuitesparse-dev"), ("hdf5", "libhdf5-dev"),
                                ("klu", "libsundials-dev libsuitesparse-dev"),
-                               ("sundials", "libsundials-dev")):
+                               ("petsc", "petsc-dev"), ("sundials", "libsundials-dev")):
             with self.subTest(name):
                 self.assert_refused(f"whose library was not found: sudo apt install {packages}",
                                     support.SOURCE, self.hidden(*SYSTEM), *self.jansson(),
