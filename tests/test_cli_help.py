@@ -16,9 +16,11 @@ BAD_SCENES = Path(__file__).parent / "bad_scenes"
 # Refused by the loader for relations between values, for sizes, or for what JSON schemas do not
 # distinguish: 1 and 1.0, the order of indices, a length that must be that of another array.
 NOT_STRUCTURAL = set("""
-    cloth_n_absurd collider_heights_row collider_heights_short collider_motion_order collider_motion_short collider_no_axis collider_sdf_open
-    collider_too_large faces_twice ij_huge ij_itself ij_out_of_range ij_real k_long
-    lattice_mass_vanishes lattice_n_absurd mass_short no_particles_in_x pinned_moving
+    cloth_n_absurd collider_heights_row collider_heights_short collider_heights_too_far
+    collider_motion_order collider_motion_short collider_motion_too_far collider_no_axis
+    collider_sdf_open collider_too_large collider_turns_too_fast faces_twice ij_huge ij_itself
+    ij_out_of_range ij_real k_long lattice_mass_vanishes lattice_n_absurd law_too_steep
+    mass_short motion_too_far motion_too_fast no_particles_in_x pinned_moving
     pinned_out_of_range plane_offset_overflow plane_zero_normal rope_n_absurd rope_n_point
     rope_pinned_out_of_range rope_too_far run_threads_huge spring_too_long v_one_row v_short
     version_real""".split())

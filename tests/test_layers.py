@@ -138,8 +138,8 @@ class Layers(unittest.TestCase):
         for path in files("backends"):
             for include in includes(path):
                 self.check(path, include,
-                           include in ("msim/backend.h", "msim/importer.h", "msim/recorder.h",
-                                       "msim/status.h")
+                           include in ("msim/backend.h", "msim/comm.h", "msim/importer.h",
+                                       "msim/recorder.h", "msim/status.h")
                            or is_neighbour(path, include), "a plugin sees its table only")
 
     def test_tools_see_public_headers_only(self):

@@ -11,7 +11,8 @@ MSIM_LINKED_COMMS
 MS_REGISTRY_ENTRIES(msim_comm_entry_fn, MSIM_LINKED_COMMS)
 #undef X
 
-static const ms_registry_plugin known[] = {{NULL}};
+static const ms_registry_plugin known[] = {
+    {.name = "mpi", .plugin = "mpi", .debian = "libopenmpi-dev"}, {NULL}};
 
 static const ms_registry_member required_of_type[] = {
     MS_REGISTRY_MEMBER(msim_comm_type, name),    MS_REGISTRY_MEMBER(msim_comm_type, library),

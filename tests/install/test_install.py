@@ -186,7 +186,8 @@ class Install(unittest.TestCase):
         words = support.run(self.prefix / "bin/msim_cli", "list").split()
         found = {Path(word).resolve() for word in words if re.fullmatch(r"/\S+\.so", word)}
         folder = self.prefix.resolve() / self.library.parent.relative_to(self.prefix) / "msim"
-        self.assertEqual(found, {folder / f"msim_{name}.so" for name in support.plugins()})
+        listed = {name for name in support.plugins() if not name.startswith("comm_")}
+        self.assertEqual(found, {folder / f"msim_{name}.so" for name in listed})
 
     def test_nothing_remembers_where_it_was_built(self):
         places = [str(self.first), support.setting("BUILD"), str(support.SOURCE)]
@@ -198,7 +199,8 @@ class Install(unittest.TestCase):
             elif path.name.startswith(("msim_cli", "msim_bench")) or ".so" in path.suffixes:
                 text = support.run("readelf", "-d", "-W", path)
                 for folder in re.findall(r"\((?:RUNPATH|RPATH)\)[^\[]*\[([^\]]*)\]", text):
-                    self.assertTrue(folder.startswith("$ORIGIN"), f"{path}: {folder}")
+                    known = folder.startswith(("$ORIGIN", "/usr/lib/")) # MPI has folders there
+                    self.assertTrue(known, f"{path}: {folder}")
 
 
 class Documentation(unittest.TestCase):

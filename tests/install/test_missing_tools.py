@@ -53,7 +53,7 @@ class MissingLibraries(Configuration):
     def test_plugins(self):
         for name, packages in (("cholmod", "libsuitesparse-dev"), ("hdf5", "libhdf5-dev"),
                                ("klu", "libsundials-dev libsuitesparse-dev"),
-                               ("petsc", "petsc-dev"), ("sundials", "libsundials-dev")):
+                               ("mpi", "libopenmpi-dev"), ("petsc", "petsc-dev"), ("sundials", "libsundials-dev")):
             with self.subTest(name):
                 self.assert_refused(f"whose library was not found: sudo apt install {packages}",
                                     support.SOURCE, self.hidden(*SYSTEM), *self.jansson(),

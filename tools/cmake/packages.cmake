@@ -26,9 +26,9 @@ set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME msim)
 set(CPACK_COMPONENT_TOOLS_DESCRIPTION "mass-spring systems: programs and scenes")
 set(CPACK_COMPONENT_TOOLS_DEPENDS lib)
 set(recommended ${plugins})
-list(REMOVE_ITEM recommended petsc) # large
+list(REMOVE_ITEM recommended mpi petsc) # large
 list(TRANSFORM recommended PREPEND libmsim0-)
-set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS libmsim0-petsc)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "libmsim0-mpi, libmsim0-petsc")
 list(JOIN recommended ", " CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS)
 foreach(plugin IN LISTS plugins)
   string(TOUPPER ${plugin} key)
