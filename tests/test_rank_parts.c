@@ -1,10 +1,12 @@
 /* Tests of the parts of ranks: the bisection against a sort, parts against loops over the scene,
- * the order of half-edges against that of one process, ghosts after a refresh, bytes against
- * formulas. */
+ * the order of half-edges and angular springs against that of one process, ghosts after a refresh,
+ * bytes against formulas. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "angle_scenes.h"
+#include "layout/angles.h"
 #include "layout/bisection.h"
 #include "layout/halo.h"
 #include "layout/layout.h"
@@ -86,6 +88,7 @@ typedef struct built {
   ms_unknowns rows;
   ms_springs springs;
   ms_half_edges half_edges;
+  ms_angles angles;
 } built;
 
 static const char *build(const ms_scene *s, const msim_comm *comm, built *b) {
@@ -95,16 +98,30 @@ static const char *build(const ms_scene *s, const msim_comm *comm, built *b) {
   if (ms_whole_order_create(s, 0, &b->order, NULL)) return "memory";
   if (ms_rank_part_create_island(s, b->part, &b->order, &b->islands, NULL)) return "memory";
   const ms_island island = ms_islands_get(&b->islands, 0);
-  return ms_layout_create(s, &island, &b->rows, &b->springs, &b->half_edges, NULL) ? "memory"
-                                                                                   : NULL;
+  if (ms_layout_create(s, &island, &b->rows, &b->springs, &b->half_edges, NULL)) return "memory";
+  return ms_angles_create(s, &island, &b->rows, &b->angles, NULL) ? "memory" : NULL;
 }
 
 static void destroy(const ms_scene *s, built *b) {
+  ms_angles_destroy(s, &b->angles);
   ms_layout_destroy(s, &b->rows, &b->springs, &b->half_edges);
   ms_islands_destroy(s, &b->islands);
   ms_whole_order_destroy(s, &b->order);
   ms_rank_part_destroy(&s->alloc, b->part);
   ms_ranks_destroy(&s->alloc, b->ranks);
+}
+
+/* Mark the corners of angular springs at own particles that are not own; returns their number. */
+static int32_t mark_angles(const ms_scene *s, const int32_t *owner, int32_t me, uint8_t *kind) {
+  int32_t n = 0;
+  for (int32_t e = 0; e < s->angles.n; e++) {
+    const int32_t *ijk = s->angles.ijk + 3 * e;
+    if (owner[ijk[0]] != me && owner[ijk[1]] != me && owner[ijk[2]] != me) continue;
+    n++;
+    for (int c = 0; c < 3; c++)
+      if (owner[ijk[c]] != me) kind[ijk[c]] = owner[ijk[c]] < 0 ? 3 : 2;
+  }
+  return n;
 }
 
 /* Free particles, ghosts, pinned ones and springs are those that loops over the scene find. */
@@ -122,6 +139,7 @@ static const char *check_members(const ms_scene *s, const built *b) {
     if (owner[i] != me) kind[i] = owner[i] < 0 ? 3 : 2;
     if (owner[j] != me) kind[j] = owner[j] < 0 ? 3 : 2;
   }
+  if (mark_angles(s, owner, me, kind) != m.nangles) return "other angular springs";
   for (int32_t p = 0; p < s->nparticles; p++) count[kind[p]]++;
   if (springs != m.nsprings || count[1] != m.nfree || count[2] != m.nghosts ||
       count[2] + count[3] != m.npinned)
@@ -148,6 +166,33 @@ static int32_t list_row(const ms_half_edges *h, const ms_springs *springs, int32
   return n;
 }
 
+/* The same of its corners of angular springs, as 3 angle + corner */
+static int32_t list_corners(const ms_angles *g, int32_t row, int32_t *to) {
+  int32_t n = 0;
+  for (int32_t at = g->n ? g->of.first[row] : 0; g->n && at < g->of.first[row + 1]; at++)
+    to[n++] = 3 * g->angle[g->of.item[at] / 3] + g->of.item[at] % 3;
+  return n;
+}
+
+static const char *compare_corners(const ms_scene *s, const ms_island *island,
+                                   const ms_unknowns *rows, const int32_t *row_of, const built *b) {
+  ms_angles g;
+  int32_t *here = malloc(12 * (size_t)s->angles.n + 1),
+          *there = malloc(12 * (size_t)s->angles.n + 1);
+  const char *wrong =
+      !here || !there || ms_angles_create(s, island, rows, &g, NULL) ? "memory" : NULL;
+  for (int32_t r = 0; r < rows->nfree && !wrong; r++) {
+    const int32_t own = row_of[rows->particle[r]];
+    if (own < 0 || own >= b->rows.nfree) continue;
+    const int32_t n = list_corners(&g, r, there);
+    if (list_corners(&b->angles, own, here) != n) wrong = "other corners";
+    else if (memcmp(here, there, 4 * (size_t)n) != 0) wrong = "another order of corners";
+  }
+  ms_angles_destroy(s, &g);
+  free(here), free(there);
+  return wrong;
+}
+
 static const char *compare_rows(const ms_scene *s, const built *b) {
   int32_t *here = malloc(4 * (size_t)s->nsprings), *there = malloc(4 * (size_t)s->nsprings),
           *row_of = malloc(4 * (size_t)s->nparticles);
@@ -170,6 +215,7 @@ static const char *compare_rows(const ms_scene *s, const built *b) {
       else if (memcmp(here, there, 4 * (size_t)n) != 0) wrong = "another order of half-edges";
       if ((h.first_part[r] >= 0) != (b->half_edges.first_part[own] >= 0)) wrong = "another split";
     }
+    if (!wrong) wrong = compare_corners(s, &island, &rows, row_of, b);
     ms_layout_destroy(s, &rows, &springs, &h);
   }
   ms_islands_destroy(s, &islands);
@@ -215,10 +261,36 @@ static const char *check_part(msim_comm *comm, void *data) {
   return wrong;
 }
 
+/* Two ropes with angular springs, which are separate islands: their angles are numbered in turn,
+ * from the last to the first. */
+static msim_scene *two_ropes(void) {
+  const int32_t n = 600;
+  const double mass = 0.01, k = 100;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int32_t i = 0; i < 2 * n; i++) {
+    const double x[3] = {0.1 * (i % n), i / n, 0};
+    assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+    if (i % n == 0) continue;
+    assert_ok(msim_scene_add_springs(scene, 1, (int32_t[]){i - 1, i}, &k, NULL, NULL, err));
+  }
+  for (int32_t a = 2 * (n - 2) - 1; a >= 0; a--) {
+    const int32_t i = a / 2 + n * (a % 2), ijk[3] = {i, i + 1, i + 2};
+    assert_ok(msim_scene_add_angles(scene, 1, ijk, &k, NULL, NULL, err));
+  }
+  return scene;
+}
+
 static void parts_are_those_of_loops_over_the_scene(void **state) {
   (void)state;
-  msim_scene *scenes[] = {hanging_cloth(12, 100, 0), pinned_block(8, 1, 100, 0),
-                          random_mesh(600, 3, 0.1), random_mesh(20, 4, 0), folded_rope(5)};
+  msim_scene *scenes[] = {hanging_cloth(12, 100, 0),
+                          pinned_block(8, 1, 100, 0),
+                          random_mesh(600, 3, 0.1),
+                          random_mesh(20, 4, 0),
+                          folded_rope(5),
+                          bending_cloth(12, 400, 0.01, 0.001),
+                          bent_scene((chain){60, 100, 0.1, 0, 0}),
+                          two_ropes()};
   for (size_t k = 0; k < sizeof scenes / sizeof *scenes; k++) {
     for (int32_t n = 1; n <= MOST_RANKS; n++) {
       const char *wrong = run_ranks(n, check_part, scenes[k]->data);

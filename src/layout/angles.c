@@ -1,5 +1,6 @@
 #include "layout/angles.h"
 
+#include "layout/whole_order.h"
 #include "scene/angles.h"
 
 /*------------------------------------- order ----------------------------------------------------*/
@@ -9,28 +10,49 @@ static int32_t corner_row(const ms_scene *scene, const ms_island *island, int32_
   return island->row_scratch[scene->angles.ijk[3 * (size_t)island->angle[e] + (size_t)q]];
 }
 
-/* g->angle = the island's angles by their index among those of their vertex, which are sorted by
- * the rows of i, then by rows; to: n */
-static int sort_angles(const ms_scene *scene, const ms_island *island, const ms_unknowns *rows,
-                       int32_t *to, ms_angles *g) {
+/* By their index among the angles of their vertex, which are sorted by the rows of i, then by
+ * rows */
+int ms_angles_sort(const ms_scene *scene, const ms_island *island, const ms_unknowns *rows,
+                   int32_t *angle) {
   const msim_allocator *alloc = &scene->alloc;
+  const int32_t n = island->nangles;
   ms_buckets by_end = {0}, by_vertex = {0}, by_index = {0};
-  int32_t indices = 0;
-  for (int32_t e = 0; e < g->n; e++) to[e] = corner_row(scene, island, e, 0);
-  int fits = ms_buckets_create(alloc, g->n, to, rows->stride, &by_end);
-  for (int32_t e = 0; e < g->n && fits; e++) to[e] = corner_row(scene, island, by_end.item[e], 1);
-  fits = fits && ms_buckets_create(alloc, g->n, to, rows->stride, &by_vertex);
+  int32_t *to = ms_memory_allocate(alloc, (size_t)n, sizeof *to), indices = 0;
+  int fits = to != NULL;
+  for (int32_t e = 0; e < n && fits; e++) to[e] = corner_row(scene, island, e, 0);
+  fits = fits && ms_buckets_create(alloc, n, to, rows->stride, &by_end);
+  for (int32_t e = 0; e < n && fits; e++) to[e] = corner_row(scene, island, by_end.item[e], 1);
+  fits = fits && ms_buckets_create(alloc, n, to, rows->stride, &by_vertex);
   for (int32_t r = 0; r < rows->stride && fits; r++)
     for (int32_t at = by_vertex.first[r]; at < by_vertex.first[r + 1]; at++) {
       to[at] = at - by_vertex.first[r];
       if (to[at] >= indices) indices = to[at] + 1;
     }
-  fits = fits && ms_buckets_create(alloc, g->n, to, indices, &by_index);
-  for (int32_t e = 0; e < g->n && fits; e++)
-    g->angle[e] = island->angle[by_end.item[by_vertex.item[by_index.item[e]]]];
+  fits = fits && ms_buckets_create(alloc, n, to, indices, &by_index);
+  for (int32_t e = 0; e < n && fits; e++)
+    angle[e] = island->angle[by_end.item[by_vertex.item[by_index.item[e]]]];
   ms_buckets_destroy(alloc, &by_end);
   ms_buckets_destroy(alloc, &by_vertex);
   ms_buckets_destroy(alloc, &by_index);
+  ms_memory_free(alloc, to);
+  return fits;
+}
+
+/* The order of one process, for a part of the scene. Positions of different islands may be equal,
+ * but no unknown has angular springs of both. */
+static int sort_by_positions(const ms_scene *scene, const ms_island *island, int32_t *angle) {
+  const msim_allocator *alloc = &scene->alloc;
+  const ms_whole_order *order = island->order;
+  ms_buckets by_position = {0};
+  int32_t *to = ms_memory_allocate(alloc, (size_t)island->nangles, sizeof *to);
+  for (int32_t e = 0; e < island->nangles && to; e++)
+    to[e] = order->angle_position[island->angle[e]];
+  const int fits =
+      to && ms_buckets_create(alloc, island->nangles, to, order->nangles, &by_position);
+  for (int32_t e = 0; e < island->nangles && fits; e++)
+    angle[e] = island->angle[by_position.item[e]];
+  ms_buckets_destroy(alloc, &by_position);
+  ms_memory_free(alloc, to);
   return fits;
 }
 
@@ -103,7 +125,8 @@ msim_status ms_angles_create(const ms_scene *scene, const ms_island *island,
   int fits = allocate_angles(&scene->alloc, g);
   if (fits) {
     ms_unknowns_find_rows(rows, island->row_scratch);
-    fits = sort_angles(scene, island, rows, g->end[0], g);
+    fits = island->order ? sort_by_positions(scene, island, g->angle)
+                         : ms_angles_sort(scene, island, rows, g->angle);
   }
   if (fits) {
     copy_angles(scene, island, g);

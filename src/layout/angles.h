@@ -31,6 +31,11 @@ typedef struct ms_angles {
   double *sum;    /* one for each MS_ANGLE_CHUNK angles; likewise */
 } ms_angles;
 
+/* angle: nangles, the numbers of the island's angular springs in the order of ms_angles.
+ * island->row_scratch has the rows of particles. Returns 0 if memory is exhausted. */
+int ms_angles_sort(const ms_scene *scene, const ms_island *island, const ms_unknowns *rows,
+                   int32_t *angle);
+
 msim_status ms_angles_create(const ms_scene *scene, const ms_island *island,
                              const ms_unknowns *rows, ms_angles *angles, msim_error *err);
 void ms_angles_destroy(const ms_scene *scene, ms_angles *angles);

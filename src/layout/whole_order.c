@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "layout/angles.h"
 #include "layout/half_edges.h"
 #include "layout/order.h"
 
@@ -34,7 +35,19 @@ static void record_order(const ms_unknowns *rows, const ms_springs *springs, con
   }
 }
 
-/* The steps of ms_layout_create up to the order of half-edges */
+static msim_status record_angles(const ms_scene *scene, const ms_island *island,
+                                 const ms_unknowns *rows, ms_whole_order *order, msim_error *err) {
+  int32_t *angle = NULL;
+  if (island->nangles == 0) return MSIM_OK;
+  ms_unknowns_find_rows(rows, island->row_scratch);
+  const int fits =
+      MS_NEW(&scene->alloc, angle, island->nangles) && ms_angles_sort(scene, island, rows, angle);
+  for (int32_t e = 0; e < island->nangles && fits; e++) order->angle_position[angle[e]] = e;
+  ms_memory_free(&scene->alloc, angle);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the order of the angular springs");
+}
+
+/* The steps of ms_layout_create up to the order of half-edges, and the order of angular springs */
 static msim_status add_island(const ms_scene *scene, const ms_island *island, ms_whole_order *order,
                               msim_error *err) {
   ms_unknowns rows = {0};
@@ -46,6 +59,7 @@ static msim_status add_island(const ms_scene *scene, const ms_island *island, ms
   if (!status) status = ms_order_unknowns(scene, &rows, &springs, &a, err);
   if (!status) status = record_split_rows(scene, &rows, &a, order, err);
   if (!status) record_order(&rows, &springs, &a, order);
+  if (!status) status = record_angles(scene, island, &rows, order, err);
   ms_adjacency_destroy(scene, &a);
   ms_springs_destroy(scene, &springs);
   ms_unknowns_destroy(scene, &rows);
@@ -56,10 +70,11 @@ msim_status ms_whole_order_create(const ms_scene *scene, int whole, ms_whole_ord
                                   msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   ms_islands islands;
-  *order = (ms_whole_order){0};
+  *order = (ms_whole_order){.nangles = scene->angles.n};
   if (!MS_NEW(alloc, order->particle, scene->nparticles) ||
       !MS_NEW(alloc, order->position, 2 * (size_t)scene->nsprings) ||
-      !MS_NEW(alloc, order->is_split, scene->nparticles))
+      !MS_NEW(alloc, order->is_split, scene->nparticles) ||
+      !MS_NEW(alloc, order->angle_position, scene->angles.n))
     return ms_error_set_memory(err, "the order of the half-edges");
   msim_status status = ms_islands_create(scene, whole, &islands, err);
   if (status) return status;
@@ -72,7 +87,7 @@ msim_status ms_whole_order_create(const ms_scene *scene, int whole, ms_whole_ord
 }
 
 void ms_whole_order_destroy(const ms_scene *scene, ms_whole_order *order) {
-  MS_FREE(&scene->alloc, order->particle, order->position, order->is_split);
+  MS_FREE(&scene->alloc, order->particle, order->position, order->is_split, order->angle_position);
   *order = (ms_whole_order){0};
 }
 

@@ -1,5 +1,6 @@
-/* whole_order - the order of unknowns and half-edges that a scene has in one process, for a rank
- * that computes a part of it: sums over the springs of a row then have the same bits */
+/* whole_order - the order of unknowns, half-edges and angular springs that a scene has in one
+ * process, for a rank that computes a part of it: sums over the springs of a row then have the same
+ * bits */
 #ifndef MS_WHOLE_ORDER_H
 #define MS_WHOLE_ORDER_H
 
@@ -10,6 +11,8 @@ typedef struct ms_whole_order {
   int32_t *particle; /* nfree: that of each unknown, island by island */
   int32_t *position; /* 2 nsprings: of the half-edge at ij[2e], ij[2e + 1] among those of its row */
   uint8_t *is_split; /* nparticles: 1 if the row is split (half_edges.h) */
+  int32_t nangles;
+  int32_t *angle_position; /* nangles: of each angular spring in its island (angles.h) */
 } ms_whole_order;
 
 /* whole: as ms_islands_create. Time and memory are those of the layout of the whole scene. */
