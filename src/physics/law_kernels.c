@@ -3,9 +3,28 @@
  * results are not read. */
 #include "physics/law_kernels.h"
 
+#include <float.h>
+
 #include "physics/lanes.h"
 
 /*------------------------------------- lengths --------------------------------------------------*/
+
+/* x_j - x_i of one spring per lane */
+MS_INLINE ms_lane_vectors difference(int dims, const double *x, size_t stride, const int32_t *i,
+                                     const int32_t *j) {
+  ms_lane_vectors d = {{{0}}};
+  for (int c = 0; c < dims; c++) {
+    const double *from = x + (size_t)c * stride;
+    d.c[c] = ms_simd_gather(from, j) - ms_simd_gather(from, i);
+  }
+  return d;
+}
+
+MS_INLINE ms_lanes squared_length(int dims, ms_lane_vectors d) {
+  ms_lanes l2 = d.c[0] * d.c[0];
+  for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
+  return l2;
+}
 
 MS_INLINE void measure_of(int dims, const ms_model *model, const ms_law_run *run, const double *x,
                           ms_law_lengths *to) {
@@ -14,14 +33,8 @@ MS_INLINE void measure_of(int dims, const ms_model *model, const ms_law_run *run
   const int32_t *i = s->i + run->begin, *j = s->j + run->begin, n = run->end - run->begin;
   const double *rest = s->rest + run->begin;
   for (int32_t e = 0; e < n; e += MS_LANES) {
-    ms_lane_vectors d;
-    for (int c = 0; c < dims; c++) {
-      const double *from = x + (size_t)c * stride;
-      d.c[c] = ms_simd_gather(from, j + e) - ms_simd_gather(from, i + e);
-    }
-    ms_lanes l2 = d.c[0] * d.c[0];
-    for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
-    const ms_lanes l = ms_simd_sqrt(l2);
+    const ms_lane_vectors d = difference(dims, x, stride, i + e, j + e);
+    const ms_lanes l2 = squared_length(dims, d), l = ms_simd_sqrt(l2);
     for (int c = 0; c < dims; c++) ms_simd_store(to->d[c] + e, d.c[c]);
     ms_simd_store(to->l2 + e, l2);
     ms_simd_store(to->l + e, l);
@@ -111,4 +124,51 @@ static void add_forces(const ms_model *model, int32_t begin, int32_t end) {
   else add_forces_of(2, model, begin, end);
 }
 
-const ms_law_kernels MS_TABLE(ms_law_kernels) = {measure, compute_forces, add_forces};
+/*------------------------------------- breaking -------------------------------------------------*/
+
+static inline int is_any(ms_mask mask) {
+  int any = 0;
+  for (int l = 0; l < MS_LANES; l++) any |= mask[l] != 0;
+  return any;
+}
+
+MS_INLINE double slack_of(int dims, const ms_model *model, const ms_law_run *run, const double *x) {
+  const struct ms_law_springs *s = model->laws;
+  const size_t stride = (size_t)model->unknowns.stride;
+  ms_lanes least = (ms_lanes){0} + DBL_MAX;
+  ms_mask beyond = {0};
+  for (int32_t e = run->begin; e < run->end; e += MS_LANES) {
+    const ms_lanes slack =
+        ms_simd_load(s->limit + e) -
+        ms_simd_sqrt(squared_length(dims, difference(dims, x, stride, s->i + e, s->j + e)));
+    beyond |= ~(slack >= 0);
+    least = ms_simd_select(slack < least, slack, least);
+  }
+  double result = least[0];
+  for (int l = 1; l < MS_LANES; l++) result = least[l] < result ? least[l] : result;
+  return is_any(beyond) ? -1 : result;
+}
+
+static double find_slack(const ms_model *model, const ms_law_run *run, const double *x) {
+  return model->unknowns.dims == 3 ? slack_of(3, model, run, x) : slack_of(2, model, run, x);
+}
+
+MS_INLINE int has_moved_of(int dims, const ms_model *model, int32_t begin, int32_t end,
+                           const double *seen, const double *x, double most) {
+  const size_t stride = (size_t)model->unknowns.stride;
+  ms_mask moved = {0};
+  for (int32_t r = begin; r < end; r += MS_LANES)
+    moved |= ~(squared_length(dims, ms_subtract_vec(dims, ms_load_vec(dims, x + r, stride),
+                                                    ms_load_vec(dims, seen + r, stride))) <=
+               most * most);
+  return is_any(moved);
+}
+
+static int has_moved(const ms_model *model, int32_t begin, int32_t end, const double *seen,
+                     const double *x, double most) {
+  return model->unknowns.dims == 3 ? has_moved_of(3, model, begin, end, seen, x, most)
+                                   : has_moved_of(2, model, begin, end, seen, x, most);
+}
+
+const ms_law_kernels MS_TABLE(ms_law_kernels) = {measure, compute_forces, add_forces, find_slack,
+                                                 has_moved};

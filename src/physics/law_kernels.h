@@ -22,6 +22,12 @@ typedef struct ms_law_kernels {
   void (*forces)(const ms_model *model, const ms_law_run *run, const double *x);
   /* the sums of these for rows [begin, end) of laws.row, to added_force */
   void (*add_forces)(const ms_model *model, int32_t begin, int32_t end);
+  /* the least limit - l of the springs of a run (law_breaking.h); -1 where some is not >= 0 */
+  double (*slack)(const ms_model *model, const ms_law_run *run, const double *x);
+  /* 1: some row of [begin, end), whole slices, is farther than `most` from where it was at `seen`,
+   * or is not finite. */
+  int (*has_moved)(const ms_model *model, int32_t begin, int32_t end, const double *seen,
+                   const double *x, double most);
 } ms_law_kernels;
 
 /* Evaluate the law of a run at the stretches in at->stretch. */

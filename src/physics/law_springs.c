@@ -92,7 +92,9 @@ msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs *
          MS_NEW(alloc, s->i, slots) && MS_NEW(alloc, s->j, slots) &&
          MS_NEW(alloc, s->spring, slots) && MS_NEW(alloc, s->k, slots) &&
          MS_NEW(alloc, s->rest, slots) &&
-         (!model->scene->broken || MS_NEW(alloc, s->broken, slots)) &&
+         (!model->scene->broken ||
+          (MS_NEW(alloc, s->broken, slots) && MS_NEW(alloc, s->limit, slots) &&
+           MS_NEW_VECTORS(model->scene, &model->unknowns, &s->seen))) &&
          MS_NEW(alloc, s->scratch, 3 * slots) && MS_NEW(alloc, s->sum, runs) &&
          MS_NEW(alloc, s->row, rows < ends ? rows : ends) &&
          MS_NEW(alloc, s->first, (rows < ends ? rows : ends) + 1) && MS_NEW(alloc, s->end, ends);
@@ -108,8 +110,8 @@ msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs *
 
 void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *s) {
   if (!s) return;
-  MS_FREE(&scene->alloc, s->run, s->i, s->j, s->spring, s->k, s->rest, s->broken, s->scratch,
-          s->sum, s->row, s->first, s->end, s);
+  MS_FREE(&scene->alloc, s->run, s->i, s->j, s->spring, s->k, s->rest, s->broken, s->limit, s->seen,
+          s->scratch, s->sum, s->row, s->first, s->end, s);
 }
 
 static void update_spring(const ms_model *model, int32_t slot) {
@@ -127,6 +129,7 @@ void ms_law_springs_update(const ms_model *model) {
     for (int32_t at = run->begin; at < run->end; at++) update_spring(model, at);
     run->law = ms_scene_law(model->scene, model->springs.spring[model->laws->spring[run->begin]]);
   }
+  model->laws->has_limits = 0;
 }
 
 /*------------------------------------- batches --------------------------------------------------*/
@@ -323,49 +326,4 @@ static void sum_run_nonlinearity(void *data, int32_t item) {
 double ms_law_springs_nonlinearity(const ms_model *model, const double *x, const double *d,
                                    double s) {
   return sum_runs(&(law_job){.model = model, .x = x, .d = d, .step = s}, sum_run_nonlinearity);
-}
-
-/*------------------------------------- breaking -------------------------------------------------*/
-
-static int exceeds_threshold(const ms_law *law, double stretch, double force, double rest) {
-  return (law->is.break_strain > 0 && rest > 0 && stretch > law->is.break_strain * rest) ||
-         (law->is.break_force > 0 && force > law->is.break_force);
-}
-
-static int breaks(const struct ms_law_springs *s, const ms_law_run *run, const ms_law_batch *at,
-                  int32_t e) {
-  return !s->broken[run->begin + e] &&
-         exceeds_threshold(run->law, at->stretch[e], at->force[e], s->rest[run->begin + e]);
-}
-
-static void count_breaking(void *data, int32_t item) {
-  const law_job *j = data;
-  const struct ms_law_springs *s = j->model->laws;
-  const ms_law_run *run = &s->run[item];
-  ms_law_lengths at;
-  s->sum[item] = 0;
-  if (!ms_law_breaks(run->law)) return;
-  evaluate_at(j->model, run, j->x, &at);
-  for (int32_t e = 0; e < run->end - run->begin; e++) s->sum[item] += breaks(s, run, &at.at, e);
-}
-
-int32_t ms_law_springs_find_breaking(const ms_model *model, const double *x) {
-  return (int32_t)sum_runs(&(law_job){.model = model, .x = x}, count_breaking);
-}
-
-double ms_law_springs_mark_breaking(const ms_model *model, const double *x, uint8_t *broken) {
-  const struct ms_law_springs *s = model->laws;
-  double below = 0;
-  for (int32_t r = 0; r < s->nruns; r++) {
-    const ms_law_run *run = &s->run[r];
-    ms_law_lengths at;
-    if (!ms_law_breaks(run->law)) continue;
-    evaluate_at(model, run, x, &at);
-    for (int32_t e = 0; e < run->end - run->begin; e++) {
-      if (!breaks(s, run, &at.at, e)) continue;
-      broken[model->springs.spring[s->spring[run->begin + e]]] = MS_BROKEN;
-      below += fmax(0, -at.at.energy[e]);
-    }
-  }
-  return below;
 }

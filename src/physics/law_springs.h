@@ -33,18 +33,17 @@ struct ms_law_springs {
   int32_t *spring;  /* nslots: index in ms_springs */
   double *k, *rest; /* nslots; k: 0 where broken */
   uint8_t *broken;  /* nslots: 1 where a spring is broken; NULL: none can break */
-  double *scratch;  /* 3 nslots: the forces on the first ends, by components; or t, g of springs */
-  double *sum;      /* nruns: energies of the runs: scratch */
-  int32_t *row;     /* nrows: the unknowns with such springs, single ones first, both ascending */
-  int32_t *first;   /* nrows + 1: their first ends */
+  int has_limits;   /* 1: `limit` is that of the present springs */
+  double *limit;   /* nslots, m: a spring up to this length does not break (law_breaking.h); DBL_MAX
+                       where broken or between runs; NULL: none can break */
+  double *seen;    /* a vector: the positions at which all springs were last tested */
+  double slack;    /* m: all were shorter than their limits by this there; <= 0: unknown */
+  double *scratch; /* 3 nslots: the forces on the first ends, by components; or t, g of springs */
+  double *sum;     /* nruns: energies of the runs: scratch */
+  int32_t *row;    /* nrows: the unknowns with such springs, single ones first, both ascending */
+  int32_t *first;  /* nrows + 1: their first ends */
   ms_law_end *end;
 };
-
-/* The number of springs that exceed a threshold of their law at x, and are not broken yet. `mark`
- * writes MS_BROKEN for these to broken[], the flags of the scene's springs, and returns the sum of
- * their energies below that at rest, J. */
-int32_t ms_law_springs_find_breaking(const ms_model *model, const double *x);
-double ms_law_springs_mark_breaking(const ms_model *model, const double *x, uint8_t *broken);
 
 /* NULL if no spring of the model has a law. */
 msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs **laws,

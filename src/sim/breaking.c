@@ -3,7 +3,7 @@
 #include "base/vec3.h"
 #include "contact/contact_set.h"
 #include "methods/methods.h"
-#include "physics/law_springs.h"
+#include "physics/law_breaking.h"
 #include "sim/step_driver.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -92,7 +92,7 @@ void ms_breaking_break(msim_sim *sim, int32_t n, const int32_t *springs) {
 static int64_t count_breaking(const msim_sim *sim) {
   int64_t n = 0;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-    if (m->model.laws && !m->at_rest) n += ms_law_springs_find_breaking(&m->model, m->stepper.x);
+    if (m->model.laws && !m->at_rest) n += ms_law_breaking_count(&m->model, m->stepper.x);
   return n;
 }
 
@@ -105,7 +105,7 @@ msim_status ms_breaking_follow(msim_sim *sim, msim_error *err) {
   const msim_state now = finish_last_step(sim);
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     if (m->model.laws && !m->at_rest)
-      sim->run.work += ms_law_springs_mark_breaking(&m->model, m->stepper.x, sim->scene->broken);
+      sim->run.work += ms_law_breaking_mark(&m->model, m->stepper.x, sim->scene->broken);
   sim->stats.broken += n;
   restart(sim, &now);
   return MSIM_OK;
