@@ -152,3 +152,23 @@ int ms_impact_time_is_inside(const ms_flight *f, int32_t i, double when, double 
   meet(f, i, when, &e);
   return e.s < -tolerance;
 }
+
+int ms_impact_time_may_touch(const ms_flight *f, double h) {
+  const ms_collision_planes *planes = f->planes;
+  const double tolerance = ms_impacts_distance_tolerance(planes, f->x);
+  for (const msim_plane *q = planes->plane; q < planes->plane + planes->n - planes->nsolids; q++) {
+    const double s = ms_impacts_distance(q, f->x), u = h * ms_vec3_dot(q->normal, f->v);
+    const double end = s + u + 0.5 * h * h * ms_vec3_dot(q->normal, f->a);
+    if (fmin(fmin(s, s + u / 2), end) <= tolerance) return 1;
+  }
+  if (!planes->nsolids) return 0;
+  const double way = h * (ms_vec3_norm(f->v) + 0.5 * h * ms_vec3_norm(f->a));
+  for (int32_t i = 0; i < planes->nsolids; i++) {
+    const ms_solid *solid = &planes->solid[i];
+    double unused[3];
+    const double moved = ms_moving_obstacles_bound_way(planes, i, f->x, way, h),
+                 distance = ms_signed_distance(solid, f->x, unused);
+    if (ms_obstacles_bound_distance(solid, distance) <= way + moved + tolerance) return 1;
+  }
+  return 0;
+}

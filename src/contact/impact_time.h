@@ -12,6 +12,9 @@ typedef struct ms_flight {
   const double *x, *v, *a;
 } ms_flight;
 
+/* 1: it may touch a plane or solid within h. Solids that move are where they are at t. */
+int ms_impact_time_may_touch(const ms_flight *flight, double h);
+
 /* When s + u t + g t^2/2 falls below 0; INFINITY: never. */
 double ms_impact_time_to_plane(double s, double u, double g);
 

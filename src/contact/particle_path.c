@@ -302,23 +302,3 @@ void ms_particle_path_compute(ms_particle_path *p) {
 
 /* The parabola lies within the convex hull of its control points (at s, s + u/2 and `end`), and
  * within the length of the way from x. */
-int ms_particle_path_may_touch(const ms_particle_path *p) {
-  const double tolerance = ms_impacts_distance_tolerance(&p->planes, p->x);
-  const msim_plane *tangents = p->planes.plane + p->planes.n - p->planes.nsolids;
-  for (const msim_plane *q = p->planes.plane; q < tangents; q++) {
-    const double s = ms_impacts_distance(q, p->x), u = p->h * ms_vec3_dot(q->normal, p->v);
-    const double end = s + u + 0.5 * p->h * p->h * ms_vec3_dot(q->normal, p->a);
-    if (fmin(fmin(s, s + u / 2), end) <= tolerance) return 1;
-  }
-  if (!p->planes.nsolids) return 0;
-  const double way = p->h * (ms_vec3_norm(p->v) + 0.5 * p->h * ms_vec3_norm(p->a));
-  ms_moving_obstacles_place(&p->planes, (ms_instant){.t = p->t});
-  for (const ms_solid *s = p->planes.solid; s < p->planes.solid + p->planes.nsolids; s++) {
-    double unused[3];
-    const double moved =
-        ms_moving_obstacles_bound_way(&p->planes, (int32_t)(s - p->planes.solid), p->x, way, p->h);
-    const double distance = ms_signed_distance(s, p->x, unused);
-    if (ms_obstacles_bound_distance(s, distance) <= way + moved + tolerance) return 1;
-  }
-  return 0;
-}

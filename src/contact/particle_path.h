@@ -36,7 +36,4 @@ typedef struct ms_particle_path {
 
 void ms_particle_path_compute(ms_particle_path *p);
 
-/* Returns 1 if the parabola from x with v and a may touch a plane within h. */
-int ms_particle_path_may_touch(const ms_particle_path *p);
-
 #endif

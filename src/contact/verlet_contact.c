@@ -1,6 +1,8 @@
 #include "contact/verlet_contact.h"
 
 #include "contact/contact_log.h"
+#include "contact/impact_time.h"
+#include "contact/moving_obstacles.h"
 
 /* The impulse on a particle is what its path changes of the velocity without planes, in v_next. */
 static void record_path(const ms_stepper *s, int32_t row, const ms_particle_path *p) {
@@ -22,9 +24,16 @@ void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double 
   ms_contact_set *e = s->events;
   if (!e || !e->method_handles_contact) return;
   e->nfollowed = 0;
+  const ms_collision_planes planes = ms_contact_set_planes(s);
   for (int32_t r = 0; r < s->model->unknowns.nfree; r++) {
+    double x[3], v[3], b[3];
+    const ms_flight flight = {.planes = &planes, .t = s->t, .x = x, .v = v, .a = b};
+    ms_unknowns_get(&s->model->unknowns, s->x, r, x);
+    ms_unknowns_get(&s->model->unknowns, s->v, r, v);
+    ms_unknowns_get(&s->model->unknowns, a, r, b);
+    ms_moving_obstacles_place(&planes, (ms_instant){.t = s->t}); /* the last path moved them */
+    if (!ms_impact_time_may_touch(&flight, s->h)) continue;
     ms_particle_path p = ms_contact_set_make_path(s, r, a, a);
-    if (!ms_particle_path_may_touch(&p)) continue;
     e->followed[e->nfollowed++] = r;
     ms_particle_path_compute(&p);
     ms_unknowns_set(&s->model->unknowns, p.x, r, s->x_next);
