@@ -1,10 +1,11 @@
-/* Tests of the bounds that spare the test of springs for breaking: they never hide a spring that
- * the law itself breaks, and leave few to test. */
+/* Tests of what makes springs that may break inexpensive: the bounds that spare their test never
+ * hide one that the law itself breaks, and sweeps over half-edges have the bits of laws. */
 #include "physics/law_breaking.h"
 
 #include <float.h>
 
 #include "laws.h"
+#include "physics/force.h"
 
 enum { KINDS = MSIM_LAW_CALLBACK + 1 };
 
@@ -133,7 +134,8 @@ static void limits_of_tables_are_sharp(void **state) {
 
 enum { N = 60, M = 200 };
 
-static msim_scene *random_net(int planar, int kind, unsigned *seed) {
+/* kind -1: of all kinds; share: of springs with a law */
+static msim_scene *random_net(int planar, int kind, double share, unsigned *seed) {
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
   for (int32_t p = 0; p < N; p++) {
@@ -154,7 +156,7 @@ static msim_scene *random_net(int planar, int kind, unsigned *seed) {
     const double *a = s->x + 3 * ij[0], *b = s->x + 3 * ij[1], k = within(seed, 0, 1000);
     const double rest = hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]) * within(seed, 0.91, 1);
     assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-    if (within(seed, 0, 1) < 0.9) assert_ok(msim_scene_set_law(scene, 1, &e, index[e % 4], err));
+    if (within(seed, 0, 1) < share) assert_ok(msim_scene_set_law(scene, 1, &e, index[e % 4], err));
   }
   const int32_t pinned[2] = {0, 1};
   assert_ok(msim_scene_pin(scene, 2, pinned, err));
@@ -184,7 +186,7 @@ static void walks_break_as_the_test_says(void **state) {
   int breaking = 0, spared = 0, steps = 0;
   for (int run = 0; run < 40; run++) {
     const int planar = run % 2;
-    msim_scene *scene = random_net(planar, run % 4 < 2 ? MSIM_LAW_LINEAR : -1, &seed);
+    msim_scene *scene = random_net(planar, run % 4 < 2 ? MSIM_LAW_LINEAR : -1, 0.9, &seed);
     ms_scene *s = scene->data;
     ms_model model;
     assert_ok(ms_model_create(s, 0, &model, err));
@@ -214,9 +216,52 @@ static void walks_break_as_the_test_says(void **state) {
   assert_true(spared > steps / 4);
 }
 
+/*------------------------------------- forces ---------------------------------------------------*/
+
+/* Where the sweep over half-edges computes linear laws, it does with the bits of the loop over
+ * springs with laws, also of broken ones and beside other forces. */
+static void sweeps_have_the_bits_of_laws(void **state) {
+  (void)state;
+  unsigned seed = 5;
+  for (int run = 0; run < 40; run++) {
+    const int planar = run % 2, in_sweep = run % 8 < 6;
+    msim_scene *scene = random_net(planar, MSIM_LAW_LINEAR, in_sweep ? 1.1 : 0.9, &seed);
+    ms_scene *s = scene->data;
+    const double gravity[3] = {0.1, run % 3 ? -9.81 : 0, 0};
+    double force[3 * N];
+    for (int i = 0; i < 3 * N; i++) force[i] = planar && i % 3 == 2 ? 0 : within(&seed, -1, 1);
+    if (run % 4 < 2) assert_ok(msim_scene_set_forces(scene, force, err));
+    assert_ok(msim_scene_set_gravity(scene, gravity, err));
+    for (int32_t e = 0; e < M; e++)
+      s->broken[e] = within(&seed, 0, 1) < 0.2 ? MS_BROKEN : MS_INTACT;
+    ms_model model;
+    assert_ok(ms_model_create(s, 0, &model, err));
+    assert_int_equal(model.unknowns.dims, planar ? 2 : 3);
+    assert_int_equal(model.laws->in_sweep, in_sweep && model.half_edges.nparts == 0);
+    double *x, *got, *expected;
+    assert_true(MS_NEW_VECTORS(s, &model.unknowns, &x, &got, &expected));
+    ms_unknowns_gather(&model.unknowns, s->x, x);
+    ms_force_compute(&model, x, NULL, got);
+    model.laws->in_sweep = 0;
+    ms_force_compute(&model, x, NULL, expected);
+    double size = 0;
+    for (int32_t c = 0; c < model.unknowns.dims; c++)
+      for (int32_t r = 0; r < model.unknowns.nfree; r++) {
+        const int32_t at = c * model.unknowns.stride + r;
+        assert_true(got[at] == expected[at]);
+        size = fmax(size, fabs(got[at]));
+      }
+    assert_true(size > 1);
+    MS_FREE(&s->alloc, x, got, expected);
+    ms_model_destroy(&model);
+    msim_scene_destroy(scene);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(no_limit_hides_a_break),
                                      cmocka_unit_test(limits_of_tables_are_sharp),
-                                     cmocka_unit_test(walks_break_as_the_test_says)};
+                                     cmocka_unit_test(walks_break_as_the_test_says),
+                                     cmocka_unit_test(sweeps_have_the_bits_of_laws)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

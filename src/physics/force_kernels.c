@@ -3,6 +3,7 @@
 #include "physics/force.h"
 #include "physics/fused_step.h"
 #include "physics/lanes.h"
+#include "physics/law_springs.h"
 #include "physics/spring_law.h"
 
 /*------------------------------------- forces ---------------------------------------------------*/
@@ -38,8 +39,9 @@ MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row
   return f;
 }
 
-/* LINEAR: neither rest length nor damping, the force is k d */
-typedef enum spring_kind { LINEAR, UNDAMPED, DAMPED } spring_kind;
+/* LINEAR: neither rest length nor damping, the force is k d; LAWS: all springs have a law that is
+ * computed here (law_springs.h) */
+typedef enum spring_kind { LINEAR, UNDAMPED, DAMPED, LAWS } spring_kind;
 
 /* sum + the forces of a slice range's springs on its own rows */
 MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms_model *m,
@@ -59,6 +61,30 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms
                                ? ms_simd_load(half_edges->k + at)
                                : spring_force_factor(dims, kind == DAMPED, d, dv, half_edges, at);
     sum = ms_fma_vec(dims, scale, d, sum);
+  }
+  return sum;
+}
+
+/* The sum of f/l d, with roundings and order of those of law_kernels.c: no reciprocal, no fused
+ * multiply-add. Padding adds 0, as its stiffness is 0. */
+MS_INLINE ms_lane_vectors sum_law_forces(int dims, const ms_model *m, int32_t slice,
+                                         ms_slice_range own, size_t lane, const double *x) {
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_half_edges *half_edges = &m->half_edges;
+  const ms_lane_vectors xi = ms_load_own(dims, own, lane, x, stride);
+  const double least = sqrt(MS_MIN_LENGTH2);
+  ms_lane_vectors sum = {{{0}}};
+  for (int32_t entry = half_edges->first[slice]; entry < half_edges->first[slice + 1]; entry++) {
+    const size_t at = MS_SLICE * (size_t)entry + lane;
+    const ms_lane_vectors d =
+        ms_subtract_vec(dims, ms_load_neighbours(dims, half_edges, entry, lane, x, stride), xi);
+    ms_lanes l2 = d.c[0] * d.c[0];
+    for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
+    const ms_lanes l = ms_simd_sqrt(l2);
+    const ms_lanes pull = MS_SPRING_FORCE(ms_simd_load(half_edges->stiffness + at),
+                                          ms_simd_load(half_edges->rest + at), l) /
+                          ms_simd_max(l, least);
+    for (int c = 0; c < dims; c++) sum.c[c] += pull * d.c[c];
   }
   return sum;
 }
@@ -102,14 +128,18 @@ MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vecto
 MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
                              int32_t begin, int32_t end) {
   const size_t stride = (size_t)m->unknowns.stride;
+  const double *added = kind == LAWS ? m->base_force : m->added_force;
   ms_mask bad = {0};
   for (int32_t slice = begin; slice < end; slice++) {
     const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const size_t row = own.row + lane;
-      ms_lane_vectors f = external_force(dims, m, row, p->x, p->v);
-      if (m->added_force) f = ms_add_vec(dims, f, ms_load_vec(dims, m->added_force + row, stride));
-      f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
+      ms_lane_vectors f = external_force(dims, m, row, p->x, p->v), of_added = {{{0}}};
+      if (added) of_added = ms_load_vec(dims, added + row, stride);
+      if (kind == LAWS)
+        of_added = ms_add_vec(dims, sum_law_forces(dims, m, slice, own, lane, p->x), of_added);
+      if (added || kind == LAWS) f = ms_add_vec(dims, f, of_added);
+      if (kind != LAWS) f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
       bad |= ~(update(dims, m, row, f, p) <= MS_LARGEST_VALID * MS_LARGEST_VALID);
     }
   }
@@ -130,6 +160,7 @@ MS_INLINE void sum_part_of(int dims, spring_kind kind, const ms_model *m, const 
 }
 
 static spring_kind find_spring_kind(const ms_model *m, const ms_fused_step *p) {
+  if (ms_law_springs_are_in_sweep(m, p->v)) return LAWS;
   if (!(m->features & MS_HAS_DIRECTIONS)) return LINEAR;
   return p->v && (m->features & MS_HAS_DAMPING) ? DAMPED : UNDAMPED;
 }
@@ -139,10 +170,12 @@ static int step_slices(const ms_model *m, const ms_fused_step *p, int32_t begin,
   if (m->unknowns.dims == 2) {
     if (kind == LINEAR) return step_slices_of(2, LINEAR, m, p, begin, end);
     if (kind == UNDAMPED) return step_slices_of(2, UNDAMPED, m, p, begin, end);
+    if (kind == LAWS) return step_slices_of(2, LAWS, m, p, begin, end);
     return step_slices_of(2, DAMPED, m, p, begin, end);
   }
   if (kind == LINEAR) return step_slices_of(3, LINEAR, m, p, begin, end);
   if (kind == UNDAMPED) return step_slices_of(3, UNDAMPED, m, p, begin, end);
+  if (kind == LAWS) return step_slices_of(3, LAWS, m, p, begin, end);
   return step_slices_of(3, DAMPED, m, p, begin, end);
 }
 

@@ -56,7 +56,8 @@ int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
   if (model->function) evaluate_function(model, sweep);
   ms_angle_springs_reset_forces(model);
   if (model->half_edges.nparts) sum_split_rows(model, &j);
-  if (model->laws) ms_law_springs_add_forces(model, sweep->x);
+  if (model->laws && !ms_law_springs_are_in_sweep(model, sweep->v))
+    ms_law_springs_add_forces(model, sweep->x);
   ms_angle_springs_add_forces(model, sweep->x, sweep->v);
   ms_pool_run_chunks(model->pool, do_slices_chunk, &j, model->half_edges.nslices, CHUNK);
   return !atomic_load(&j.may_be_bad);

@@ -71,6 +71,16 @@ static void list_ends(const ms_model *model, const int32_t *slot, struct ms_law_
   list_rows(model, slot, 0, s);
 }
 
+static int find_in_sweep(const ms_model *model) {
+  if (model->half_edges.nparts || model->angles.n) return 0;
+  for (int32_t e = 0; e < model->springs.n; e++) {
+    const int32_t law = law_number(model, e);
+    if (is_free(model, e) && (!law || model->scene->laws[law - 1].is.kind != MSIM_LAW_LINEAR))
+      return 0;
+  }
+  return 1;
+}
+
 static int32_t count_springs(const ms_model *model) {
   int32_t n = 0;
   for (int32_t e = 0; e < model->springs.n && model->scene->law; e++) n += law_number(model, e) > 0;
@@ -100,6 +110,7 @@ msim_status ms_law_springs_create(const ms_model *model, struct ms_law_springs *
          MS_NEW(alloc, s->first, (rows < ends ? rows : ends) + 1) && MS_NEW(alloc, s->end, ends);
   if (fits) {
     s->nslots = (int32_t)slots;
+    s->in_sweep = find_in_sweep(model);
     sort_springs(model, slot, s);
     list_ends(model, slot, s);
   }

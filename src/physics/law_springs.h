@@ -28,6 +28,9 @@ typedef struct ms_law_end {
 struct ms_law_springs {
   int32_t nslots, nruns, nrows;
   int32_t nsingle; /* rows of one end that are not split */
+  int in_sweep;    /* 1: without damping the sweep over half-edges computes all forces of springs,
+                      with the bits of ms_law_springs_add_forces: all have linear laws, and there
+                      are neither split rows nor angular springs */
   ms_law_run *run;
   int32_t *i, *j;   /* nslots: rows of the ends; 0 between runs */
   int32_t *spring;  /* nslots: index in ms_springs */
@@ -52,6 +55,11 @@ void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *laws);
 
 /* Copy k and rest from the scene again, after it was replaced by one with the same laws. */
 void ms_law_springs_update(const ms_model *model);
+
+/* 1: the sweep over half-edges at velocities v (nullable) is to compute the forces of laws. */
+static inline int ms_law_springs_are_in_sweep(const ms_model *model, const double *v) {
+  return model->laws && model->laws->in_sweep && !(v && (model->features & MS_HAS_DAMPING));
+}
 
 /* These need model->laws. Set the rows of model->added_force with such springs: to their elastic
  * forces at x, added to the sums of split rows and to model->base_force elsewhere. */
