@@ -105,11 +105,11 @@ static const char *check_functions(msim_comm *comm, void *data) {
       msim_sim_clone(sim, &copy, &why),
       msim_sim_estimate(sim, &estimate, &why),
       msim_sim_explain(sim, &text, &why),
-      msim_recorder_open(sim, "unused.csv", &recorder, &why),
+      msim_recorder_resume(sim, "unused.vtkhdf", &recorder, &why),
   };
   for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++)
     if (statuses[i] != MSIM_ERR_UNSUPPORTED) return fail_rank(comm, "a function", why.text);
-  EXPECT(strstr(why.text, "a recorder is not supported where 2 ranks share the scene"));
+  EXPECT(strstr(why.text, "resuming a file is not supported where 2 ranks share the scene"));
   EXPECT(msim_sim_set_step(sim, 5e-5, &why) == MSIM_OK && msim_sim_step(sim, 3, &why) == MSIM_OK);
   msim_sim_destroy(sim);
   return NULL;

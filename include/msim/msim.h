@@ -435,7 +435,9 @@ MSIM_API void msim_comm_close(msim_comm *comm);
 /* Writer of a trajectory. The extension of the file selects the recorder: one of
  * msim_options.recorders, .csv, .html and .pvd (built in), .vtkhdf (plugin hdf5), or the plugin
  * with that name, see recorder.h. Its functions also return plugin statuses. It must be closed
- * before its sim is destroyed. */
+ * before its sim is destroyed.
+ * Where several ranks share the scene, all call its functions, and rank 0 alone has the file: under
+ * its path, without checkpoints; no file can be resumed. */
 typedef struct msim_recorder msim_recorder;
 
 /* Open a file for the frames that the options of the sim define. The file appears under its name as

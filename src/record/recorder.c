@@ -1,4 +1,7 @@
-/* recorder - write and resume trajectory files (msim_recorder_*), by plugins for their formats */
+/* recorder - write and resume trajectory files (msim_recorder_*), by plugins for their formats
+ *
+ * Where several ranks share the scene, rank 0 has the file and writes the state that all ranks
+ * gather; each function ends with an agreement on its status. */
 #include <math.h>
 #include <string.h>
 
@@ -13,10 +16,10 @@
 struct msim_recorder {
   msim_sim *sim;
   const msim_recorder_type *type;
-  void *self; /* NULL: closed */
+  void *self; /* NULL: closed, or on another rank than 0 */
   ms_plugin_host host;
   ms_output_file file;
-  void *checkpoint; /* buffer; NULL: the recorder cannot resume files */
+  void *checkpoint; /* buffer; NULL: no file can be resumed: by the recorder, on several ranks */
   size_t capacity;
   ms_strain strain;
   double *poses;     /* 6 ncolliders */
@@ -205,6 +208,8 @@ static msim_status find_recorder(const msim_sim *sim, const char *path,
   return MSIM_OK;
 }
 
+static int has_file(const msim_sim *sim) { return !sim->ranks || sim->ranks->rank == 0; }
+
 /* Make a recorder that has no file yet. */
 static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorder **recorder,
                                    msim_error *err) {
@@ -224,7 +229,7 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   if (status) return status;
   if (!MS_NEW(&sim->alloc, r->poses, 6 * (size_t)sim->scene->ncolliders))
     return ms_error_set_memory(err, "a recorder");
-  if (!MS_RECORDERS_HAS(type, resume)) return MSIM_OK;
+  if (sim->ranks || !MS_RECORDERS_HAS(type, resume)) return MSIM_OK;
   r->capacity = msim_sim_save_size(sim);
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
   return r->checkpoint ? MSIM_OK : ms_error_set_memory(err, "a checkpoint");
@@ -240,19 +245,24 @@ static void destroy_recorder(msim_recorder *r) {
 
 enum { NEW, REPLACE, RESUME };
 
+static msim_status open_file(msim_recorder *r, const char *path, int how, msim_error *err) {
+  if (!has_file(r->sim)) return MSIM_OK;
+  return how == RESUME ? open_for_resume(r, path, err)
+                       : open_new_trajectory(r, path, how == REPLACE, err);
+}
+
 static msim_status open_at(msim_sim *sim, const char *path, int how, msim_recorder **recorder,
                            msim_error *err) {
   if (!sim || !path || !recorder)
     return ms_error_set(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
-  msim_status status = ms_rank_sim_refuse(sim, "a recorder", err);
+  msim_status status = how == RESUME ? ms_rank_sim_refuse(sim, "resuming a file", err) : MSIM_OK;
   if (status) return status;
   const double start = ms_clock_now();
   *recorder = NULL;
   msim_recorder *r = NULL;
   status = create_recorder(sim, path, &r, err);
-  if (!status)
-    status = how == RESUME ? open_for_resume(r, path, err)
-                           : open_new_trajectory(r, path, how == REPLACE, err);
+  if (!status) status = open_file(r, path, how, err);
+  status = ms_ranks_agree(sim->ranks, status, err);
   ms_sim_count_output(sim, ms_clock_now() - start);
   if (!status) {
     *recorder = r;
@@ -298,10 +308,17 @@ static const double *get_poses(msim_recorder *r, double t) {
   return r->poses;
 }
 
+static msim_status write_frame(msim_recorder *r, msim_frame *frame, msim_error *err) {
+  if (!has_file(r->sim)) return MSIM_OK;
+  add_checkpoint(r, frame);
+  const msim_status status = r->type->write(r->self, frame);
+  return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : MSIM_OK;
+}
+
 static msim_status record_state(msim_recorder *r, const msim_state *state, msim_error *err) {
   msim_energy energy = {.size = sizeof energy};
   msim_sim_energy(r->sim, &energy);
-  ms_strain_compute(&r->strain, r->sim->scene, state->x, state->v);
+  if (has_file(r->sim)) ms_strain_compute(&r->strain, r->sim->scene, state->x, state->v);
   msim_frame frame = {.size = sizeof frame,
                       .step = state->step,
                       .t = state->t,
@@ -320,9 +337,8 @@ static msim_status record_state(msim_recorder *r, const msim_state *state, msim_
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "
                         "or another integrator",
                         (long long)state->step, state->t);
-  add_checkpoint(r, &frame);
-  const msim_status status = r->type->write(r->self, &frame);
-  return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : ms_error_clear(err);
+  const msim_status status = ms_ranks_agree(r->sim->ranks, write_frame(r, &frame, err), err);
+  return status ? status : ms_error_clear(err);
 }
 
 msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
@@ -333,7 +349,8 @@ msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
   msim_state state = {.size = sizeof state};
   status = check_topology(recorder, err);
   if (status) return status;
-  msim_sim_state(recorder->sim, &state);
+  if (msim_sim_state(recorder->sim, &state)) /* the communicator has failed */
+    return ms_ranks_agree(recorder->sim->ranks, MSIM_OK, err);
   if (state.step == recorder->step_kept && state.t == recorder->t_kept) return ms_error_clear(err);
   status = record_state(recorder, &state, err);
   ms_sim_count_output(recorder->sim, ms_clock_now() - start);
@@ -343,10 +360,11 @@ msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
 msim_status msim_recorder_close(msim_recorder *recorder, msim_error *err) {
   if (!recorder) return ms_error_clear(err);
   double start = ms_clock_now();
-  msim_status status = recorder->type->close(recorder->self);
+  msim_status status = recorder->self ? recorder->type->close(recorder->self) : MSIM_OK;
   ms_sim_count_output(recorder->sim, ms_clock_now() - start);
   if (status) ms_plugin_fail(&recorder->host, recorder->type->name, status, err);
   else ms_error_clear(err);
+  status = ms_ranks_agree(recorder->sim->ranks, status, err);
   destroy_recorder(recorder);
   return status;
 }

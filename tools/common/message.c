@@ -13,13 +13,19 @@ void clean_text(char *text) {
   }
 }
 
+static char *kept; /* NULL: messages are printed */
+static size_t kept_size;
+
+void message_keep(char *text, size_t size) { kept = text, kept_size = size; }
+
 /* A single call of fprintf, so that lines of several programs do not mix */
 static void report_error_va(const char *ending, const char *command, const char *format,
                             va_list args) {
   char text[MESSAGE_SIZE];
   vsnprintf(text, sizeof text, format, args);
   clean_text(text);
-  if (*ending)
+  if (kept) snprintf(kept, kept_size, "%s", text);
+  else if (*ending)
     fprintf(stderr, "%s: %s; see '%s %s%s'\n", program_name, text, program_name, command, ending);
   else fprintf(stderr, "%s: %s\n", program_name, text);
 }

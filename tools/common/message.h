@@ -21,6 +21,10 @@ int report_error(const char *format, ...) TOOLS_PRINTF(1, 2);
 /* The same for a faulty command line; refers to the help of `command`, "": of the program. */
 int report_usage_error(const char *command, const char *format, ...) TOOLS_PRINTF(2, 3);
 
+/* Keep the last of the following messages in `text` in place of printing them, cut to its size.
+ * text NULL: print again. */
+void message_keep(char *text, size_t size);
+
 /* Replace control characters by blanks: text from files cannot move the cursor. */
 void clean_text(char *text);
 

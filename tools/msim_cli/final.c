@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "../common/message.h"
+#include "ranks.h"
 #include "stats.h"
 
 const char final_beginning[] = "{\"msim\": 1, \"status\": \"";
@@ -162,6 +163,7 @@ static int has_pinned(const msim_scene *scene) {
 }
 
 static int write_content(output_file *file, const content *c) {
+  if (!ranks_has_files()) return EXIT_OK;
   const char *offender = find_not_finite(c);
   if (offender)
     return report_error("'%s' is not written, because '%s' of the state is not finite", file->path,
@@ -299,6 +301,7 @@ int final_read(const char *path, msim_sim *sim) {
                  ? report_error("%s:%d:%d: %s", path, error.line, error.column, error.text)
                  : report_error("%s", error.text);
   else status = take_state(&in);
+  status = ranks_agree(status);
   if (!status && msim_sim_set_state(sim, &in.state, &err) != MSIM_OK)
     status = report_error("%s: %s", path, err.text);
   if (!status) status = break_springs(&in, sim);

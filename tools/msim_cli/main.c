@@ -9,6 +9,7 @@
 #include "comparison.h"
 #include "completion.h"
 #include "help.h"
+#include "ranks.h"
 #include "report.h"
 #include "run.h"
 #include "setup.h"
@@ -37,11 +38,12 @@ static int run_named_command(command_id which, int argc, char **argv) {
   static int (*const commands[NCOMMANDS])(const arguments *) = {run_command, explain_command,
                                                                 report_list};
   arguments args;
+  if (which == COMMAND_RUN) ranks_begin();
   int status = arguments_parse(which, argc, argv, &args);
   if (!status && args.help) help_command(which);
   else if (!status) status = commands[which](&args);
   arguments_free(&args);
-  return status;
+  return ranks_end(status);
 }
 
 static int is_one_of(const char *word, const char *a, const char *b) {

@@ -12,6 +12,7 @@
 #include "../common/message.h"
 #include "final.h"
 #include "progress.h"
+#include "ranks.h"
 #include "report.h"
 #include "setup.h"
 #include "tables.h"
@@ -87,7 +88,7 @@ static int make_sim(run *r) {
   const arguments *args = r->args;
   msim_options *options = &r->made.options;
   msim_error err;
-  if (setup_load(args, &r->made)) return EXIT_ERROR;
+  if (ranks_join(args, setup_load(args, &r->made), &options->comm)) return EXIT_ERROR;
   if (!options->integrator)
     return report_usage_error("run",
                               "no integrator is given, neither on the command line nor in the "
@@ -98,7 +99,7 @@ static int make_sim(run *r) {
     return report_usage_error("run",
                               "the run has no end, neither on the command line nor in the scene's "
                               "run; use --steps N or --t_end SECONDS");
-  if (check_targets(args)) return EXIT_ERROR;
+  if (ranks_agree(ranks_has_files() ? check_targets(args) : EXIT_OK)) return EXIT_ERROR;
   if (!args->quiet) {
     options->warn = print_note;
     options->warn_user = r;
@@ -130,17 +131,25 @@ static msim_status open_recorder(run *r, msim_error *err) {
   return msim_recorder_open(r->sim, args->out, &r->recorder, err);
 }
 
+/* Open the files of --final and of tables. */
+static int open_outputs(run *r) {
+  const arguments *args = r->args;
+  if (args->final && ranks_has_files() && output_open(&r->final, args->final)) return EXIT_ERROR;
+  for (int i = 0; i < NTABLES; i++)
+    if (args->tables[i] && table_open(&r->tables[i], (table_kind)i, r->made.scene, args->tables[i]))
+      return EXIT_ERROR;
+  return EXIT_OK;
+}
+
 static int open_files(run *r) {
   const arguments *args = r->args;
   msim_error err;
   r->from = r->first;
-  if (args->final && output_open(&r->final, args->final)) return EXIT_ERROR;
-  for (int i = 0; i < NTABLES; i++)
-    if (args->tables[i] && table_open(&r->tables[i], (table_kind)i, r->made.scene, args->tables[i]))
-      return EXIT_ERROR;
+  if (ranks_agree(open_outputs(r))) return EXIT_ERROR;
   if (args->out && open_recorder(r, &err) != MSIM_OK) return report_error("%s", err.text);
   for (int i = 0; i < NTABLES; i++)
-    if (args->tables[i] && table_start(&r->tables[i], r->sim, r->report.goes_on)) return EXIT_ERROR;
+    if (args->tables[i] && ranks_agree(table_start(&r->tables[i], r->sim, r->report.goes_on)))
+      return EXIT_ERROR;
   return EXIT_OK;
 }
 
@@ -157,7 +166,8 @@ static int has_frames(const run *r) {
 static msim_status record_frame_at(run *r, double t, msim_error *err) {
   if (t == r->t_recorded) return MSIM_OK;
   msim_status status = r->recorder ? msim_recorder_write(r->recorder, err) : MSIM_OK;
-  for (int i = 0; i < NTABLES && !status; i++) status = table_write(&r->tables[i], r->sim, err);
+  for (int i = 0; i < NTABLES && !status; i++)
+    if (r->tables[i].stream) status = ranks_agree(table_write(&r->tables[i], r->sim, err));
   if (status) return status;
   r->t_recorded = t;
   r->report.frames++;
@@ -176,12 +186,13 @@ static double step_time(const run *r, int64_t step) {
   return r->first.t + (double)(step - r->first.step) * r->h;
 }
 
-/* Simulate to the end in pieces: to the next frame, or until the clock has to be read. */
+/* Simulate to the end in pieces: to the next frame, or until the clock has to be read. Several
+ * ranks make the same pieces, and the library stops all of them after the same step. */
 static msim_status simulate(run *r, msim_error *err) {
   int64_t step = r->from.step, pace = 1, left = pace;
   double before = clock_seconds();
   msim_status status = has_frames(r) ? record_frame_at(r, step_time(r, step), err) : MSIM_OK;
-  while (!status && step < r->end && !stop_asked) {
+  while (!status && step < r->end && (!stop_asked || r->made.options.comm)) {
     int64_t frame = has_frames(r) ? least_step(msim_sim_next_frame(r->sim), r->end) : r->end;
     int64_t n = least_step(frame - step, left);
     status = msim_sim_step(r->sim, n, err);
@@ -191,7 +202,7 @@ static msim_status simulate(run *r, msim_error *err) {
     if (has_frames(r) && step == frame) status = record_frame_at(r, step_time(r, step), err);
     if (left > 0) continue;
     double now = clock_seconds();
-    left = pace = next_pace(pace, now - before);
+    left = pace = next_pace(pace, ranks_maximum(now - before));
     before = now;
     progress_update(&r->bar, now, step, step_time(r, step), r->t_end);
   }
@@ -267,7 +278,8 @@ static int finish(run *r, msim_status status, msim_error *err) {
   print_end(status, &last, err);
   if (status > 0) print_advice(r->sim);
   if (status < 0) return EXIT_ERROR;
-  if (r->args->final && final_write(&r->final, r->made.scene, r->sim, status)) return EXIT_ERROR;
+  if (r->args->final && ranks_agree(final_write(&r->final, r->made.scene, r->sim, status)))
+    return EXIT_ERROR;
   if (!r->args->quiet) report_run(&r->report, r->args, r->sim);
   return status ? EXIT_EVENT : EXIT_OK;
 }
@@ -282,11 +294,11 @@ static void start_report(run *r) {
 }
 
 static int run_simulation(run *r) {
-  msim_error err;
+  msim_error err = {MSIM_OK, ""};
   catch_signals(r->sim);
   if (open_files(r)) return EXIT_ERROR;
   start_report(r);
-  progress_start(&r->bar, r->args->quiet, r->from.step, r->end, r->from.t);
+  progress_start(&r->bar, r->args->quiet || !ranks_has_files(), r->from.step, r->end, r->from.t);
   msim_status status = r->end < 0 ? simulate_by_error(r, &err) : simulate(r, &err);
   return finish(r, status, &err);
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "../common/message.h"
+#include "ranks.h"
 
 static const struct {
   const char *name, *title;
@@ -30,6 +31,7 @@ int table_open(table *t, table_kind kind, const msim_scene *scene, const char *p
   const int32_t rows = view.nparticles > view.nsprings ? view.nparticles : view.nsprings;
   t->values = calloc(3 * (size_t)rows, sizeof *t->values);
   if (!t->values) return report_error("out of memory for a table of %s", kinds[kind].name);
+  if (!ranks_has_files()) return EXIT_OK;
   if (output_open(&t->start, path)) return EXIT_ERROR;
   fputs(kinds[kind].title, t->start.stream);
   return EXIT_OK;
@@ -49,10 +51,17 @@ static void keep_rows(const output_file *start, double t) {
   if (old) fclose(old);
 }
 
+/* Other ranks than 0 write nothing, but call the functions of the sim. */
+static int start_muted(table *t) {
+  t->stream = fopen("/dev/null", "w");
+  return t->stream ? EXIT_OK : report_error("cannot open /dev/null: %s", strerror(errno));
+}
+
 int table_start(table *t, msim_sim *sim, int resumed) {
   msim_error err;
   msim_state state = {.size = sizeof state};
   msim_sim_state(sim, &state);
+  if (!ranks_has_files()) return start_muted(t);
   if (resumed) keep_rows(&t->start, state.t);
   errno = 0;
   if (output_close(&t->start, !ferror(t->start.stream))) return EXIT_ERROR;
