@@ -115,7 +115,8 @@ tidied() { c_files | xargs -P2 -n4 clang-tidy-14 --quiet -p build/release; }
 cppchecked() {
   c_files | xargs cppcheck --quiet --std=c11 --enable=warning,performance --inline-suppr \
     --suppress=missingIncludeSystem --suppress=internalAstError --error-exitcode=1 \
-    -I include -I src -I tools -DMSIM_X86_KERNELS -DMSIM_LINKED_RECORDERS= -D__GNUC__
+    -I include -I src -I tools -DMSIM_X86_KERNELS -DMSIM_LINKED_RECORDERS= -D__GNUC__ \
+    -DPETSC_USE_REAL_DOUBLE
 }
 
 abi() {

@@ -174,16 +174,13 @@ static msim_status swap_parts(mpi_comm *c, int32_t to, const char *send, int64_t
                               int32_t from, char *receive, int64_t receive_bytes) {
   msim_status status = MSIM_OK;
   for (int64_t at = 0; (at < send_bytes || at < receive_bytes) && !status; at += LARGEST_MESSAGE) {
-    MPI_Request pending[2] = {MPI_REQUEST_NULL, MPI_REQUEST_NULL};
-    if (at < receive_bytes)
-      status = mpi_check(c, "MPI_Irecv",
-                         MPI_Irecv(receive + at, piece_of(receive_bytes - at), MPI_BYTE, from,
-                                   ALL_TO_ALL, c->comm, &pending[0]));
-    if (at < send_bytes && !status)
-      status = mpi_check(c, "MPI_Isend",
-                         MPI_Isend(send + at, piece_of(send_bytes - at), MPI_BYTE, to, ALL_TO_ALL,
-                                   c->comm, &pending[1]));
-    if (!status) status = mpi_check(c, "MPI_Waitall", MPI_Waitall(2, pending, MPI_STATUSES_IGNORE));
+    const int sends = at < send_bytes, receives = at < receive_bytes;
+    status = mpi_check(
+        c, "MPI_Sendrecv",
+        MPI_Sendrecv(sends ? send + at : NULL, sends ? piece_of(send_bytes - at) : 0, MPI_BYTE,
+                     sends ? to : MPI_PROC_NULL, ALL_TO_ALL, receives ? receive + at : NULL,
+                     receives ? piece_of(receive_bytes - at) : 0, MPI_BYTE,
+                     receives ? from : MPI_PROC_NULL, ALL_TO_ALL, c->comm, MPI_STATUS_IGNORE));
   }
   return status;
 }

@@ -1,6 +1,7 @@
 #include "contact/moving_obstacles.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/vec3.h"
@@ -24,7 +25,7 @@ static void place_solid(const ms_collision_planes *planes, int32_t i, ms_instant
   to->type = own.type, to->inside = own.inside;
   memcpy(to->half, own.half, sizeof to->half);
   for (int c = 0; c < 3 && face; c++)
-    to->axis[2][c] = face > 0 ? -from->axis[face - 1][c] : from->axis[-face - 1][c];
+    to->axis[2][c] = (face > 0 ? -1 : 1) * from->axis[abs(face) - 1][c];
 }
 
 int ms_moving_obstacles_moves(const ms_collision_planes *planes, int32_t i) {

@@ -157,7 +157,7 @@ static void compute_angle_forces(const ms_model *m, const double *x, const doubl
 /* As ms_angle_multiply(), with element e[MS_SLICE m] */
 MS_INLINE edge_lanes multiply_element(int dims, const double *e, edge_lanes x) {
   static const int triangle[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
-  edge_lanes y;
+  edge_lanes y = {{{{0}}}, {{{0}}}};
   for (int r = 0; r < dims; r++) {
     ms_lanes p = {0}, q = {0};
     for (int c = 0; c < dims; c++) {
