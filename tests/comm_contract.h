@@ -54,75 +54,92 @@ static const char *comm_check_sums(const msim_comm *c) {
   return NULL;
 }
 
-/* Rank r gives 1000 r + 3 bytes, and rank 1 none */
-static int64_t comm_length(int32_t r) { return r == 1 ? 0 : 1000 * (int64_t)r + 3; }
+/* Around multiples of 64, the length of pieces in which tests have plugins send; every pair of
+ * ranks has each of them in one of 11 rounds. */
+static int64_t comm_length(int32_t p, int32_t q, int32_t round) {
+  const int64_t lengths[11] = {0, 959, 64, 1, 300, 127, 65, 0, 128, 63, 129};
+  return lengths[(5 * p + 3 * q + round) % 11];
+}
 
-static const char *comm_check_gathers(const msim_comm *c) {
-  int64_t bytes[64], sum = 0;
-  for (int32_t r = 0; r < c->nranks; r++) sum += bytes[r] = comm_length(r);
-  unsigned char *mine = malloc((size_t)sum + 100), *all = malloc((size_t)sum + 100), *at = all;
+enum { COMM_LONGEST = 1000 }; /* a length, and a byte behind that must not be written */
+
+static unsigned char *comm_new_buffer(void) {
+  unsigned char *buffer = malloc(65 * COMM_LONGEST);
+  if (buffer) memset(buffer, 0xa5, 65 * COMM_LONGEST);
+  return buffer;
+}
+
+static const char *comm_check_gathers(const msim_comm *c, int32_t round) {
+  int64_t bytes[64];
+  unsigned char *mine = comm_new_buffer(), *all = comm_new_buffer(), *at = all;
   COMM_EXPECT(mine && all);
+  for (int32_t r = 0; r < c->nranks; r++) bytes[r] = comm_length(r, 0, round);
   comm_fill(mine, c->rank, 0, bytes[c->rank]);
   COMM_EXPECT(c->gather_parts(c->self, bytes, mine, all) == MSIM_OK);
   for (int32_t r = 0; r < c->nranks; at += bytes[r++])
     COMM_EXPECT(comm_is_filled(at, r, 0, bytes[r]));
+  COMM_EXPECT(*at == 0xa5);
   for (int32_t root = 0; root < c->nranks; root++) {
-    comm_fill(mine, c->rank, 1, 100);
-    COMM_EXPECT(c->broadcast(c->self, root, 100, mine) == MSIM_OK);
-    COMM_EXPECT(comm_is_filled(mine, root, 1, 100));
+    const int64_t length = comm_length(root, 1, round);
+    comm_fill(mine, c->rank, 1, length);
+    mine[length] = 0xa5;
+    COMM_EXPECT(c->broadcast(c->self, root, length, mine) == MSIM_OK);
+    COMM_EXPECT(comm_is_filled(mine, root, 1, length) && mine[length] == 0xa5);
   }
   free(mine), free(all);
   return NULL;
 }
 
-static int64_t comm_pair_length(int32_t p, int32_t q) { return (5 * p + 3 * q) % 11 * 100; }
-
-static const char *comm_check_all_to_all(const msim_comm *c) {
+static const char *comm_check_all_to_all(const msim_comm *c, int32_t round) {
   int64_t send[64], receive[64];
-  unsigned char *out = malloc(64 * 1000), *in = malloc(64 * 1000), *at = out;
+  unsigned char *out = comm_new_buffer(), *in = comm_new_buffer(), *at = out;
   COMM_EXPECT(out && in);
   for (int32_t r = 0; r < c->nranks; at += send[r++]) {
-    send[r] = comm_pair_length(c->rank, r), receive[r] = comm_pair_length(r, c->rank);
+    send[r] = comm_length(c->rank, r, round), receive[r] = comm_length(r, c->rank, round);
     comm_fill(at, c->rank, r, send[r]);
   }
   COMM_EXPECT(c->all_to_all(c->self, send, out, receive, in) == MSIM_OK);
   at = in;
   for (int32_t r = 0; r < c->nranks; at += receive[r++])
     COMM_EXPECT(comm_is_filled(at, r, c->rank, receive[r]));
+  COMM_EXPECT(*at == 0xa5);
   free(out), free(in);
   return NULL;
 }
 
-/* Round k: p and q are neighbours if p + q + k is not a multiple of 3, so that some have none */
-static const char *comm_check_exchange(const msim_comm *c, int32_t k) {
+/* p and q are neighbours if p + q + round is not a multiple of 3, so that some have none. */
+static const char *comm_check_exchange(const msim_comm *c, int32_t round) {
   msim_comm_message m[64];
-  unsigned char *out = malloc(64 * 1000), *in = calloc(64, 1000);
+  unsigned char *out = comm_new_buffer(), *in = comm_new_buffer();
   int32_t n = 0;
   COMM_EXPECT(out && in);
   for (int32_t q = 0; q < c->nranks; q++) {
-    if (q == c->rank || (c->rank + q + k) % 3 == 0) continue;
+    if (q == c->rank || (c->rank + q + round) % 3 == 0) continue;
     m[n] = (msim_comm_message){.rank = q,
-                               .send_bytes = comm_pair_length(c->rank, q),
-                               .receive_bytes = comm_pair_length(q, c->rank),
-                               .send = out + 1000 * q,
-                               .receive = in + 1000 * q};
-    comm_fill(out + 1000 * q, c->rank, q + k, m[n++].send_bytes);
+                               .send_bytes = comm_length(c->rank, q, round),
+                               .receive_bytes = comm_length(q, c->rank, round),
+                               .send = out + COMM_LONGEST * q,
+                               .receive = in + COMM_LONGEST * q};
+    comm_fill(out + COMM_LONGEST * q, c->rank, q + round, m[n++].send_bytes);
   }
   COMM_EXPECT(c->exchange_begin(c->self, n, m) == MSIM_OK);
   COMM_EXPECT(c->exchange_end(c->self) == MSIM_OK);
-  for (int32_t i = 0; i < n; i++)
-    COMM_EXPECT(comm_is_filled(in + 1000 * m[i].rank, m[i].rank, c->rank + k, m[i].receive_bytes));
+  for (int32_t i = 0; i < n; i++) {
+    const unsigned char *from = m[i].receive;
+    COMM_EXPECT(comm_is_filled(from, m[i].rank, c->rank + round, m[i].receive_bytes));
+    COMM_EXPECT(from[m[i].receive_bytes] == 0xa5);
+  }
   free(out), free(in);
   return NULL;
 }
 
-/* Everything, `rounds` times; NULL: as promised. Up to 64 ranks. */
+/* Everything, `rounds` times, 11 for all lengths; NULL: as promised. Up to 64 ranks. */
 static const char *comm_check_contract(const msim_comm *c, int32_t rounds) {
   const char *wrong = NULL;
   for (int32_t k = 0; k < rounds && !wrong; k++) {
     wrong = comm_check_sums(c);
-    if (!wrong) wrong = comm_check_gathers(c);
-    if (!wrong) wrong = comm_check_all_to_all(c);
+    if (!wrong) wrong = comm_check_gathers(c, k);
+    if (!wrong) wrong = comm_check_all_to_all(c, k);
     if (!wrong) wrong = comm_check_exchange(c, k);
     if (!wrong) wrong = comm_check_exchange(c, k + 1);
   }
