@@ -57,4 +57,21 @@ static inline double least_distance(msim_sim *sim) {
   return least;
 }
 
+/* 200 steps: the energy less work never grows by more than `rounding` of the largest energy, and is
+ * kept where impacts are elastic; no particle is inside by more than `depth` m. */
+static inline void expect_balance(int scene, msim_sim *sim, int elastic, double rounding,
+                                  double depth) {
+  double last = balance_of(sim), largest = 1;
+  for (int step = 0; step < 200; step++) {
+    assert_ok(msim_sim_step(sim, 1, err));
+    const double now = balance_of(sim);
+    largest = fmax(largest, fmax(fabs(energies_of(sim).work), energies_of(sim).kinetic));
+    if (!(now <= last + rounding * largest) || (elastic && !(now >= last - rounding * largest)))
+      fail_msg("scene %d, step %d: %.17g J after %.17g J", scene, step, now, last);
+    if (!(least_distance(sim) >= -depth))
+      fail_msg("scene %d, step %d: %g m inside", scene, step, -least_distance(sim));
+    last = now;
+  }
+}
+
 #endif

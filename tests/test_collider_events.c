@@ -4,6 +4,7 @@
 
 #include "base/vec3.h"
 #include "colliders.h"
+#include "path_orders.h"
 #include "event_options.h"
 
 static const double pi = 3.14159265358979323846;
@@ -24,18 +25,6 @@ static int64_t run(const msim_scene *scene, const char *method, double T, int st
 static double distance(const double *x, const double *y) {
   const double d[3] = {x[0] - y[0], x[1] - y[1], x[2] - y[2]};
   return ms_vec3_norm(d);
-}
-
-/* Every particle without springs follows its own path, by any method: of order 2. */
-static const char *const path_methods[] = {"velocity-verlet",  "heun", "rk4", "rkn6", "dop853",
-                                           "implicit-midpoint"};
-enum { NMETHODS = sizeof path_methods / sizeof *path_methods };
-
-/* Errors at n, 2n, ... decrease with at least order `least` on average. */
-static void expect_order(const char *label, const double *error, int count, double least) {
-  const double order = log2(error[0] / error[count - 1]) / (count - 1);
-  if (!(order >= least))
-    fail_msg("%s: order %.2f, from %g to %g", label, order, error[0], error[count - 1]);
 }
 
 /*------------------------------------- closed forms ---------------------------------------------*/

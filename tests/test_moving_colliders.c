@@ -218,17 +218,7 @@ static void work_balances_energy(void **state) {
     msim_scene *scene = random_scene(&seed, 200, e, mu);
     const msim_options opt = options(i % 3 ? "velocity-verlet" : "implicit-midpoint", 5e-3);
     msim_sim *sim = make_sim(scene, &opt);
-    double last = balance_of(sim), largest = 1;
-    for (int step = 0; step < 200; step++) {
-      assert_ok(msim_sim_step(sim, 1, err));
-      const double now = balance_of(sim);
-      largest = fmax(largest, fmax(fabs(energies_of(sim).work), energies_of(sim).kinetic));
-      if (!(now <= last + 1e-12 * largest) || (elastic && !(now >= last - 1e-12 * largest)))
-        fail_msg("scene %d, step %d: %.17g J after %.17g J", i, step, now, last);
-      if (!(least_distance(sim) >= -1e-12))
-        fail_msg("scene %d, step %d: %g m inside", i, step, -least_distance(sim));
-      last = now;
-    }
+    expect_balance(i, sim, elastic, 1e-12, 1e-12);
     contacts += stats_of(sim).contacts;
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);

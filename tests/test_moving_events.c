@@ -6,6 +6,7 @@
 #include "checkpoints.h"
 #include "event_options.h"
 #include "moving_colliders.h"
+#include "path_orders.h"
 #include "state_hash.h"
 
 static const double g = 9.81;
@@ -15,16 +16,6 @@ static msim_sim *run(const msim_scene *scene, const char *method, double T, int 
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, steps, err));
   return sim;
-}
-
-static const char *const methods[] = {"velocity-verlet",  "heun", "rk4", "rkn6", "dop853",
-                                      "implicit-midpoint"};
-enum { NMETHODS = sizeof methods / sizeof *methods };
-
-static void expect_order(const char *label, const double *error, int count, double least) {
-  const double order = log2(error[0] / error[count - 1]) / (count - 1);
-  if (!(order >= least))
-    fail_msg("%s: order %.2f, from %g to %g", label, order, error[0], error[count - 1]);
 }
 
 static double largest_difference(const double *x, const double *y, int n) {
@@ -52,7 +43,7 @@ static void tables_in_uniform_motion_are_at_rest_in_their_frame(void **state) {
         if (i < 4) add(scene, box(0, 0, -20, 40, e[i], mu[i]), 0);
         else add(scene, box(0, 0, 20, 40, e[i - 4], mu[i - 4]), 1);
         if (moves) set_uniform(scene, i < 4 ? at : (double[3]){0, 0, 20}, u, NULL);
-        msim_sim *sim = run(scene, methods[m], T, 100);
+        msim_sim *sim = run(scene, path_methods[m], T, 100);
         const msim_state s = state_of(sim);
         for (int c = 0; c < 3; c++) {
           y[moves][c] = s.x[c] - moves * u[c] * T;
@@ -62,7 +53,7 @@ static void tables_in_uniform_motion_are_at_rest_in_their_frame(void **state) {
         msim_scene_destroy(scene);
       }
       const double off = largest_difference(y[0], y[1], 6);
-      if (!(off <= 1e-8)) fail_msg("%s, case %d: %g", methods[m], i, off);
+      if (!(off <= 1e-8)) fail_msg("%s, case %d: %g", path_methods[m], i, off);
     }
 }
 
@@ -76,7 +67,7 @@ static void a_belt_takes_a_particle_along(void **state) {
     msim_scene *scene = make_single_particle(x, v, g);
     add(scene, box(0, 0, -20, 40, 0, mu), 0);
     set_uniform(scene, at, V, NULL);
-    msim_sim *sim = run(scene, methods[m], T, 73);
+    msim_sim *sim = run(scene, path_methods[m], T, 73);
     assert_close(state_of(sim).x[0], end, 1e-9);
     assert_close(state_of(sim).v[0], V[0], 1e-12);
     assert_close(state_of(sim).x[2], 0, 1e-10);
@@ -101,10 +92,10 @@ static void an_accelerated_table_releases_a_particle(void **state) {
       msim_scene *scene = make_single_particle(x, v, g);
       add(scene, box(0, 0, -20, 40, 0, 0.3), 0);
       set_motion(scene, 0, 2, times, points, NULL, MSIM_MOTION_CUBIC);
-      msim_sim *sim = run(scene, methods[m], T, steps);
+      msim_sim *sim = run(scene, path_methods[m], T, steps);
       const msim_state end = state_of(sim);
       if (!(fabs(end.x[2] - z) <= 1e-8 && fabs(end.v[2] - w) <= 1e-8))
-        fail_msg("%s, %d steps: %g, %g", methods[m], steps, end.x[2] - z, end.v[2] - w);
+        fail_msg("%s, %d steps: %g, %g", path_methods[m], steps, end.x[2] - z, end.v[2] - w);
       const msim_energy e = energies_of(sim);
       assert_close(e.work, w * w / 2 + g * z, 1e-7);
       msim_sim_destroy(sim);
@@ -143,10 +134,10 @@ static void a_ball_between_moving_walls(void **state) {
       add(scene, box(-10, 0, 0, 20, e, 0), 0);
       set_motion(scene, 0, KNOTS, times, points, NULL, 0);
       plane(scene, -1, 0, 0, -1, e, 0);
-      msim_sim *sim = run(scene, methods[m], T, i ? 900 : 17);
+      msim_sim *sim = run(scene, path_methods[m], T, i ? 900 : 17);
       const msim_state s = state_of(sim);
       if (!(fabs(s.x[0] - x) <= 1e-9 && fabs(s.v[0] - v) <= 1e-9))
-        fail_msg("%s, %d: %g, %g", methods[m], i, s.x[0] - x, s.v[0] - v);
+        fail_msg("%s, %d: %g, %g", path_methods[m], i, s.x[0] - x, s.v[0] - v);
       assert_int_equal(stats_of(sim).contacts, bounces);
       msim_sim_destroy(sim);
       msim_scene_destroy(scene);
@@ -164,7 +155,7 @@ static void a_disk_rotates_below_particles(void **state) {
       msim_scene *scene = make_single_particle(x, v, g);
       add(scene, round_bar(MSIM_COLLIDER_CYLINDER, zero, up, 8, 0, i ? 0 : 1), 0);
       set_uniform(scene, zero, none, w);
-      msim_sim *sim = run(scene, methods[m], T, 60);
+      msim_sim *sim = run(scene, path_methods[m], T, 60);
       const msim_state s = state_of(sim);
       const double allowed = i ? 2e-4 : 1e-9;
       assert_close(s.x[0], i ? 0.5 : 0.5 * cos(2 * T), allowed);
@@ -193,12 +184,12 @@ static void a_particle_slides_on_a_tilting_plate(void **state) {
       plate.extent[2] = 2 * d;
       add(scene, plate, 0);
       set_uniform(scene, none, none, w);
-      msim_sim *sim = run(scene, methods[m], T, 20 << k);
+      msim_sim *sim = run(scene, path_methods[m], T, 20 << k);
       error[k] = largest_difference(state_of(sim).x, exact, 3);
       msim_sim_destroy(sim);
       msim_scene_destroy(scene);
     }
-    expect_order(methods[m], error, 4, 1.75);
+    expect_order(path_methods[m], error, 4, 1.75);
     assert_true(error[3] < 1e-4);
   }
 }
@@ -232,15 +223,15 @@ static void order_is_kept_through_impacts_on_a_sphere(void **state) {
     msim_sim_destroy(sim);
     for (int k = 0; k < 4; k++)
       for (int n = 0; n < 5; n++) { /* the place of the impact in its step varies */
-        sim = run(scene, methods[i / 2], 2, (160 << k) + n * (23 << k));
+        sim = run(scene, path_methods[i / 2], 2, (160 << k) + n * (23 << k));
         error[k] += largest_difference(state_of(sim).x + 3, exact, 3) / 5;
         assert_int_equal(stats_of(sim).contacts, contacts);
         if (k == 3) assert_close(balance_of(sim), balance, 2e-3);
         msim_sim_destroy(sim);
       }
-    print_message("  %s: %lld contacts, %g %g %g %g\n", methods[i / 2], (long long)contacts,
+    print_message("  %s: %lld contacts, %g %g %g %g\n", path_methods[i / 2], (long long)contacts,
                   error[0], error[1], error[2], error[3]);
-    expect_order(methods[i / 2], error, 4, 1.75);
+    expect_order(path_methods[i / 2], error, 4, 1.75);
     assert_true(error[3] < 1e-3);
     msim_scene_destroy(scene);
   }
@@ -319,20 +310,10 @@ static void work_balances_energy(void **state) {
     const int elastic = i % 2;
     const double e = elastic ? 1 : uniform(&seed), mu = elastic ? 0 : uniform(&seed);
     msim_scene *scene = random_scene(&seed, 60, e, mu);
-    const msim_options opt = event_options(methods[i % 3 ? 0 : 4], 5e-3);
+    const msim_options opt = event_options(path_methods[i % 3 ? 0 : 4], 5e-3);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_step(sim, 1, err)); /* particles in colliders are moved out */
-    double last = balance_of(sim), largest = 1;
-    for (int step = 0; step < 200; step++) {
-      assert_ok(msim_sim_step(sim, 1, err));
-      const double now = balance_of(sim);
-      largest = fmax(largest, fmax(fabs(energies_of(sim).work), energies_of(sim).kinetic));
-      if (!(now <= last + 1e-5 * largest) || (elastic && !(now >= last - 1e-5 * largest)))
-        fail_msg("scene %d, step %d: %.17g J after %.17g J", i, step, now, last);
-      if (!(least_distance(sim) >= -1e-9))
-        fail_msg("scene %d, step %d: %g m inside", i, step, -least_distance(sim));
-      last = now;
-    }
+    expect_balance(i, sim, elastic, 1e-5, 1e-9);
     contacts += stats_of(sim).contacts;
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);

@@ -1,7 +1,7 @@
 /* mpi - communicator plugin: ranks are processes that MPI has started.
  *
  * Sums and maxima gather the numbers of all ranks and combine them in the order of ranks, as
- * MPI_Allreduce promises no order. Counts of MPI are of 31 bits: longer messages travel in pieces.
+ * MPI_Allreduce guarantees no order. Counts of MPI have 31 bits: longer messages travel in pieces.
  *
  * MPI returns errors in place of ending the process. After one other ranks may wait for ever, so
  * that all processes are ended (MPI_Abort) once this one has reported it: when the communicator is
@@ -80,38 +80,33 @@ static msim_status gather_numbers(mpi_comm *c, int32_t n, const double *values) 
                    MPI_Allgather(values, n, MPI_DOUBLE, c->numbers, n, MPI_DOUBLE, c->comm));
 }
 
-static msim_status mpi_sum(void *self, int32_t n, double *values) {
-  mpi_comm *c = self;
+static double add(double a, double b) { return a + b; }
+
+/* NaN if one of them is */
+static double larger(double a, double b) { return isnan(a) || a > b ? a : b; }
+
+/* Combines the numbers of the ranks in their order. */
+static msim_status reduce(mpi_comm *c, int32_t n, double *values,
+                          double (*combine)(double, double)) {
   for (int32_t first = 0; first < n; first += AT_ONCE) {
     const int32_t m = n - first < AT_ONCE ? n - first : AT_ONCE;
     const msim_status status = gather_numbers(c, m, values + first);
     if (status) return status;
     for (int32_t i = 0; i < m; i++) {
-      double sum = c->numbers[i];
-      for (int32_t r = 1; r < c->table.nranks; r++) sum += c->numbers[r * m + i];
-      values[first + i] = sum;
+      double all = c->numbers[i];
+      for (int32_t r = 1; r < c->table.nranks; r++) all = combine(all, c->numbers[r * m + i]);
+      values[first + i] = all;
     }
   }
   return MSIM_OK;
 }
 
+static msim_status mpi_sum(void *self, int32_t n, double *values) {
+  return reduce(self, n, values, add);
+}
+
 static msim_status mpi_maximum(void *self, int32_t n, double *values) {
-  mpi_comm *c = self;
-  for (int32_t first = 0; first < n; first += AT_ONCE) {
-    const int32_t m = n - first < AT_ONCE ? n - first : AT_ONCE;
-    const msim_status status = gather_numbers(c, m, values + first);
-    if (status) return status;
-    for (int32_t i = 0; i < m; i++) {
-      double most = c->numbers[i];
-      for (int32_t r = 1; r < c->table.nranks; r++) {
-        const double other = c->numbers[r * m + i];
-        if (other > most || isnan(other)) most = other;
-        if (isnan(most)) break;
-      }
-      values[first + i] = most;
-    }
-  }
-  return MSIM_OK;
+  return reduce(self, n, values, larger);
 }
 
 /*------------------------------------- bytes for all --------------------------------------------*/

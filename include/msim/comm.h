@@ -22,7 +22,7 @@
  * Obligations of an implementation:
  *  - The same calls give the same bits on every rank and in every run: sum() adds in an order that
  *    depends on nranks alone, as that of the ranks or that of a fixed tree. MPI_Allreduce does not
- *    promise this.
+ *    guarantee this.
  *  - Lengths are 64-bit: one call may move more than 2^31 bytes. Ranks have 32-bit numbers;
  *    particles and springs in messages have 64-bit ones.
  *  - Steps allocate no memory: sum(), maximum(), gather() and the exchange must not need any beyond
@@ -123,9 +123,9 @@ typedef struct msim_comm_type {
 
   /* Create the communicator of this rank; collective. from: what it is made from, as the plugin
    * documents it (`mpi`: a pointer to an MPI_Comm, which it duplicates); NULL: all processes that
-   * were started together. The plugin initializes its library if nobody has, and then ends it in
-   * close() or at exit. With an error (< 0) it passes a message to host->fail. host: valid until
-   * close() returns. */
+   * were started together. The plugin initializes its library unless that is done already, and
+   * then finalizes it in close() or at exit. With an error (< 0) it passes a message to host->fail.
+   * host: valid until close() returns. */
   msim_status (*open)(const msim_host *host, const void *from, msim_comm **comm);
 
   /* Collective. */

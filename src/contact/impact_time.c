@@ -15,7 +15,7 @@ double ms_impact_time_to_plane(double s, double u, double g) {
 
 /*------------------------------------- relative motion ------------------------------------------*/
 
-/* A solid at a time of the flight, and the motion of the particle relative to it */
+/* A solid at a time, and the motion of the particle relative to it */
 typedef struct encounter {
   const ms_solid *solid;
   ms_solid room;
@@ -24,7 +24,7 @@ typedef struct encounter {
   double w[3];       /* m/s: velocity relative to the point of the solid at x */
 } encounter;
 
-static void meet(const ms_flight *f, int32_t i, double t, encounter *e) {
+static void meet(const ms_parabola *f, int32_t i, double t, encounter *e) {
   double u[3];
   const ms_instant at = {.t = f->t + t, .before = t > 0}; /* a motion may change at the start */
   e->solid = ms_moving_obstacles_get(f->planes, i, at, &e->room);
@@ -41,7 +41,7 @@ static void meet(const ms_flight *f, int32_t i, double t, encounter *e) {
 /* A bound on the acceleration relative to a solid, in coordinates that rotate with it, over a time:
  * |a - c''| + (W' + W^2) r + 2 W |w|, with bounds W and W' on its angular velocity and
  * acceleration, and those on r and w that follow */
-static double bound_acceleration(const ms_flight *f, int32_t i, const encounter *e, double time) {
+static double bound_acceleration(const ms_parabola *f, int32_t i, const encounter *e, double time) {
   const double size = ms_vec3_norm(f->a);
   if (!f->planes->moving) return size;
   const ms_solid_bounds *b = &f->planes->moving->bounds[i];
@@ -59,8 +59,8 @@ static double bound_acceleration(const ms_flight *f, int32_t i, const encounter 
 
 /* A lower bound of n.a relative to a convex solid until `left`, n the normal now: exact where it
  * does not rotate, as its acceleration is linear in time. */
-static double bound_normal_acceleration(const ms_flight *f, int32_t i, const encounter *e, double t,
-                                        double left) {
+static double bound_normal_acceleration(const ms_parabola *f, int32_t i, const encounter *e,
+                                        double t, double left) {
   const double g = ms_vec3_dot(e->n, f->a);
   if (!f->planes->moving) return g;
   if (f->planes->moving->bounds[i].spin > 0) return -bound_acceleration(f, i, e, left - t);
@@ -85,7 +85,7 @@ static double bound_time_inside(double R, double s, double u, double V, double A
 }
 
 /* Outside, a convex solid lies behind its tangent plane. */
-static double bound_time(const ms_flight *f, int32_t i, const encounter *e, double t, double left,
+static double bound_time(const ms_parabola *f, int32_t i, const encounter *e, double t, double left,
                          double tolerance) {
   const double u = ms_vec3_dot(e->n, e->w);
   if (e->solid->inside)
@@ -99,7 +99,7 @@ static double bound_time(const ms_flight *f, int32_t i, const encounter *e, doub
 
 /* The time at which the distance reaches the tolerance, by bisection: it is larger at `low`, but
  * not at `high`. */
-static double bisect(const ms_flight *f, int32_t i, double low, double high, double tolerance) {
+static double bisect(const ms_parabola *f, int32_t i, double low, double high, double tolerance) {
   enum { MOST = 60 };
   for (int k = 0; k < MOST; k++) {
     const double middle = 0.5 * (low + high);
@@ -114,7 +114,7 @@ static double bisect(const ms_flight *f, int32_t i, double low, double high, dou
 }
 
 /* The particle may move by a lower bound of its distance, or by a share of a cell. */
-static double find_on_samples(const ms_flight *f, int32_t i, double from, double left,
+static double find_on_samples(const ms_parabola *f, int32_t i, double from, double left,
                               double tolerance) {
   enum { MOST = 100000 };
   double t = from, before = from;
@@ -132,7 +132,7 @@ static double find_on_samples(const ms_flight *f, int32_t i, double from, double
   return t;
 }
 
-double ms_impact_time_find(const ms_flight *f, int32_t i, double from, double left,
+double ms_impact_time_find(const ms_parabola *f, int32_t i, double from, double left,
                            double tolerance) {
   enum { MOST = 200 };
   double t = from;
@@ -147,13 +147,13 @@ double ms_impact_time_find(const ms_flight *f, int32_t i, double from, double le
   return f->planes->moving && t <= left ? t : INFINITY;
 }
 
-int ms_impact_time_is_inside(const ms_flight *f, int32_t i, double when, double tolerance) {
+int ms_impact_time_is_inside(const ms_parabola *f, int32_t i, double when, double tolerance) {
   encounter e;
   meet(f, i, when, &e);
   return e.s < -tolerance;
 }
 
-int ms_impact_time_may_touch(const ms_flight *f, double h) {
+int ms_impact_time_may_touch(const ms_parabola *f, double h) {
   const ms_collision_planes *planes = f->planes;
   const double tolerance = ms_impacts_distance_tolerance(planes, f->x);
   for (const msim_plane *q = planes->plane; q < planes->plane + planes->n - planes->nsolids; q++) {

@@ -1,19 +1,19 @@
-/* impact_time - when a particle in flight meets a solid: no impact is passed over, as each step of
- * the iteration leads to a lower bound of its time */
+/* impact_time - when a particle on a parabola meets a solid: no impact is passed over, as each step
+ * of the iteration leads to a lower bound of its time */
 #ifndef MS_IMPACT_TIME_H
 #define MS_IMPACT_TIME_H
 
 #include "contact/obstacles.h"
 
 /* The parabola from x at time t (s) with v and a */
-typedef struct ms_flight {
+typedef struct ms_parabola {
   const ms_collision_planes *planes;
   double t;
   const double *x, *v, *a;
-} ms_flight;
+} ms_parabola;
 
 /* 1: it may touch a plane or solid within h. Solids that move are where they are at t. */
-int ms_impact_time_may_touch(const ms_flight *flight, double h);
+int ms_impact_time_may_touch(const ms_parabola *parabola, double h);
 
 /* When s + u t + g t^2/2 falls below 0; INFINITY: never. */
 double ms_impact_time_to_plane(double s, double u, double g);
@@ -24,10 +24,10 @@ enum { MS_IMPACT_TIME_SHARES = 16 };
 
 /* When the particle comes closer to solid i than the tolerance, from the time `from` after the
  * start on; INFINITY: not before `left`, until which no motion of the solid reaches a new time. */
-double ms_impact_time_find(const ms_flight *flight, int32_t i, double from, double left,
+double ms_impact_time_find(const ms_parabola *parabola, int32_t i, double from, double left,
                            double tolerance);
 
 /* 1: at that time it is in the solid, by more than the tolerance. */
-int ms_impact_time_is_inside(const ms_flight *flight, int32_t i, double when, double tolerance);
+int ms_impact_time_is_inside(const ms_parabola *parabola, int32_t i, double when, double tolerance);
 
 #endif

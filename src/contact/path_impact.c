@@ -31,9 +31,9 @@ static double time_to_solid(const ms_path_progress *k, int32_t i, const double v
   const ms_particle_path *p = k->p;
   const ms_solid *solid = &p->planes.solid[i];
   const msim_plane *q = &p->planes.tangent[i];
-  const ms_flight flight = {.planes = &p->planes, .t = p->t + k->t, .x = p->x, .v = v, .a = a};
+  const ms_parabola parabola = {.planes = &p->planes, .t = p->t + k->t, .x = p->x, .v = v, .a = a};
   if (ms_impacts_distance(q, p->x) > tolerance)
-    return ms_impact_time_find(&flight, i, 0, left, tolerance);
+    return ms_impact_time_find(&parabola, i, 0, left, tolerance);
   double u = ms_vec3_dot(q->normal, v),
          g = ms_vec3_dot(q->normal, a) + ms_signed_distance_bend(solid, p->x, v);
   if (ms_path_surface_moves(k)) {
@@ -45,11 +45,11 @@ static double time_to_solid(const ms_path_progress *k, int32_t i, const double v
   }
   if (u < -k->tolerance) return 0;
   double from = time_to_leave(fmax(0, u), g, left, tolerance);
-  double when = ms_impact_time_find(&flight, i, from, left, tolerance);
+  double when = ms_impact_time_find(&parabola, i, from, left, tolerance);
   while (g >= 0 && when == from && from > 0 &&
-         !ms_impact_time_is_inside(&flight, i, from, tolerance)) {
+         !ms_impact_time_is_inside(&parabola, i, from, tolerance)) {
     from *= 2;
-    when = ms_impact_time_find(&flight, i, from, left, tolerance);
+    when = ms_impact_time_find(&parabola, i, from, left, tolerance);
   }
   return when;
 }

@@ -115,9 +115,9 @@ int ms_solid_contact_meets(const ms_stepper *s, int32_t row, const ms_contact *c
   const double start = ms_signed_distance(solid, x, n), length = ms_vec3_norm(way);
   const double least =
       ms_obstacles_bound_distance(solid, start) + ms_obstacles_bound_distance(solid, end);
-  const ms_flight flight = {.planes = &planes, .x = x, .v = way, .a = none};
+  const ms_parabola parabola = {.planes = &planes, .x = x, .v = way, .a = none};
   if (is_convex_inside || least > length + tolerance) return 0;
-  const double share = start > tolerance ? ms_impact_time_find(&flight, i, 0, 1, tolerance)
+  const double share = start > tolerance ? ms_impact_time_find(&parabola, i, 0, 1, tolerance)
                        : ms_vec3_dot(n, way) < -tolerance ? 0
                                                           : INFINITY;
   for (int k = 0; k < 3 && share <= 1; k++) at[k] = x[k] + share * way[k];

@@ -27,12 +27,12 @@ void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double 
   const ms_collision_planes planes = ms_contact_set_planes(s);
   for (int32_t r = 0; r < s->model->unknowns.nfree; r++) {
     double x[3], v[3], b[3];
-    const ms_flight flight = {.planes = &planes, .t = s->t, .x = x, .v = v, .a = b};
+    const ms_parabola parabola = {.planes = &planes, .t = s->t, .x = x, .v = v, .a = b};
     ms_unknowns_get(&s->model->unknowns, s->x, r, x);
     ms_unknowns_get(&s->model->unknowns, s->v, r, v);
     ms_unknowns_get(&s->model->unknowns, a, r, b);
     ms_moving_obstacles_place(&planes, (ms_instant){.t = s->t}); /* the last path moved them */
-    if (!ms_impact_time_may_touch(&flight, s->h)) continue;
+    if (!ms_impact_time_may_touch(&parabola, s->h)) continue;
     ms_particle_path p = ms_contact_set_make_path(s, r, a, a);
     e->followed[e->nfollowed++] = r;
     ms_particle_path_compute(&p);

@@ -47,13 +47,7 @@ static int reserve_angles(ms_scene *s, int64_t needed, msim_error *err) {
   ms_scene_angles *g = &s->angles;
   const ms_array arrays[] = {
       {&g->ijk, 3 * sizeof *g->ijk}, MS_ARRAY(g->k), MS_ARRAY(g->rest), MS_ARRAY(g->damping)};
-  int32_t capacity = g->capacity;
-  for (int i = 0; i < 4; i++) {
-    capacity = g->capacity;
-    if (ms_memory_reserve(&s->alloc, arrays[i], g->n, &capacity, needed, err)) return 0;
-  }
-  g->capacity = capacity;
-  return 1;
+  return ms_scene_reserve(s, arrays, 4, g->n, &g->capacity, needed, err);
 }
 
 msim_status ms_scene_angles_append(ms_scene *s, int32_t n, const int32_t *ijk, const double *k,

@@ -123,7 +123,10 @@ static inline int ms_scene_has_obstacles(const ms_scene *s) {
   return s->nplanes > 0 || s->ncolliders > 0;
 }
 
-/* Make room for `needed` of them in all their arrays. Return 0 if there is no memory. */
+/* Make room for `needed` elements in `count` arrays of n, all of *capacity, as those of particles,
+ * springs or colliders. Return 0 if there is no memory. */
+int ms_scene_reserve(const ms_scene *s, const ms_array *arrays, int count, int32_t n,
+                     int32_t *capacity, int64_t needed, msim_error *err);
 int ms_scene_reserve_particles(ms_scene *s, int64_t needed, msim_error *err);
 int ms_scene_reserve_springs(ms_scene *s, int64_t needed, msim_error *err);
 int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err);
