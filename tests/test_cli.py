@@ -347,11 +347,25 @@ class Final(CliTest):
         self.assertEqual(final["x"][0], [0, 0, 0])
         self.assertEqual(self.files(), ["final.json", "scene.json"])
 
+    def test_islands(self):
+        self.scene({"msim": 1, "gravity": [0, 0, -10], "particles": {
+            "x": [[0, 0, 0], [1, 0, 0], [0, 0, -2]], "mass": 1, "pinned": [0]},
+            "springs": {"ij": [[0, 1], [0, 2]], "k": [10, 20]}})
+        final = self.run_final("--integrator", "velocity-verlet", "--h", "1e-3", "--steps", "100")
+        islands = final["islands"]  # the pinned particle connects nothing, and is the last one
+        self.assertEqual(set(islands), {"of", "kinetic", "elastic", "gravitational"})
+        self.assertEqual(islands["of"], [2, 0, 1])
+        for key in ("kinetic", "elastic", "gravitational"):
+            self.assertAlmostEqual(sum(islands[key]), final["energy"][key], delta=1e-12)
+        self.assertAlmostEqual(islands["elastic"][0], 10 / 2 * (math.hypot(*final["x"][1]) - 1)**2)
+        self.assertEqual(islands["kinetic"][2], 0)
+
     def test_free_fall(self):
         self.scene({"msim": 1, "gravity": [0, 0, -10], "particles": {
             "x": [[1, 2, 3]], "v": [[1, 0, 0]], "mass": 2}})
         final = self.run_final("--integrator", "velocity-verlet", "--h", "0.25", "--steps", "4")
         self.assertNotIn("reactions", final)  # nothing is pinned
+        self.assertNotIn("islands", final)  # there is one
         self.assertEqual((final["x"], final["v"], final["t"]), ([[2, 2, -2]], [[1, 0, -10]], 1))
         self.assertEqual(final["energy"], {"kinetic": 101, "elastic": 0, "gravitational": -40,
                                            "total": 61})

@@ -96,6 +96,17 @@ typedef struct msim_energy {
                   accuracy of the method. At a frame inside a step: that at the end of the step */
 } msim_energy;
 
+/* The islands of a scene: free particles that springs connect which are not broken. All pinned
+ * particles are one more island, the last; they connect nothing. The energies are those of
+ * msim_energy, whose sums they are up to rounding; that of a spring to a pinned particle belongs to
+ * the island of the free one. */
+typedef struct msim_islands {
+  size_t size;
+  int32_t n;
+  const int32_t *of; /* for each particle: its island, numbered by their first particles */
+  const double *kinetic, *elastic, *gravitational; /* n, J */
+} msim_islands;
+
 /* A particle and a plane or a collider that it touched in a step. This struct is fixed. */
 typedef struct msim_contact {
   int32_t particle;
@@ -385,6 +396,10 @@ MSIM_API msim_status msim_sim_contacts(msim_sim *sim, int32_t *n, const msim_con
 MSIM_API msim_status msim_sim_springs(msim_sim *sim, double *tension /* nsprings */,
                                       double *elongation /* nsprings */,
                                       double *strain /* nsprings */);
+
+/* Get the islands of the scene and their energies in the present state; set size first. The arrays
+ * are borrowed until the next call with this sim. */
+MSIM_API msim_status msim_sim_islands(msim_sim *sim, msim_islands *islands);
 
 /* Get for each spring of the scene 1 if it is broken, by a threshold of its law or msim_sim_break;
  * else 0. */

@@ -4,6 +4,16 @@
 
 #include "scene/scene.h"
 
+/* The energies of each part of a scene, J */
+typedef struct ms_energies {
+  double *kinetic, *elastic, *gravitational;
+} ms_energies;
+
+/* Add the energies below to those of the parts. part: that of each particle, NULL: all are in part
+ * 0; a spring belongs to the first part that it touches. */
+void ms_energy_add(const ms_scene *scene, const double *x, const double *v, const int32_t *part,
+                   const ms_energies *to);
+
 /* Kinetic sum m v.v/2, elastic sum k (l - L)^2/2, gravitational -sum m g.x, with the
  * potentials of constant forces and a force function; momentum sum m v, angular momentum
  * sum m x cross v. x, v: n x 3. */

@@ -149,6 +149,12 @@ void ms_moving_pins_set_arrays(const ms_scene *scene, ms_instant at, double *x, 
   }
 }
 
+static int are_pinned(const ms_scene *s, int n, const int32_t *particles) {
+  for (int i = 0; i < n; i++)
+    if (!s->pinned[particles[i]]) return 0;
+  return 1;
+}
+
 double ms_moving_pins_compute_energy(const ms_scene *s, const double *x, const double *v) {
   double sum = 0;
   for (size_t p = 0; p < (size_t)s->nparticles; p++) {
@@ -157,12 +163,10 @@ double ms_moving_pins_compute_energy(const ms_scene *s, const double *x, const d
            ms_external_energy(&s->external, s->mass[p], x + 3 * p);
     if (s->force) sum -= ms_vec3_dot(s->force + 3 * p, x + 3 * p);
   }
-  for (size_t e = 0; e < (size_t)s->nsprings; e++) {
-    const size_t i = (size_t)s->ij[2 * e], j = (size_t)s->ij[2 * e + 1];
-    double d[3];
-    if (!s->pinned[i] || !s->pinned[j]) continue;
-    for (size_t c = 0; c < 3; c++) d[c] = x[3 * j + c] - x[3 * i + c];
-    sum += ms_law_value_of(s, (int32_t)e, ms_vec3_norm(d)).energy;
-  }
-  return sum + ms_reference_compute_angle_energy(s, x, 1);
+  for (int32_t e = 0; e < s->nsprings; e++)
+    if (are_pinned(s, 2, s->ij + 2 * (size_t)e)) sum += ms_reference_compute_spring_energy(s, e, x);
+  for (int32_t e = 0; e < s->angles.n; e++)
+    if (are_pinned(s, 3, s->angles.ijk + 3 * (size_t)e))
+      sum += ms_reference_compute_angle_energy(s, e, x);
+  return sum;
 }

@@ -49,16 +49,17 @@ static void add_angle_force(const ms_scene *s, size_t e, const double *x, const 
   for (size_t c = 0; c < 3; c++) f[i + c] += fi[c], f[j + c] -= fi[c] + fk[c], f[k + c] += fk[c];
 }
 
-double ms_reference_compute_angle_energy(const ms_scene *s, const double *x, int pinned) {
-  double sum = 0;
-  for (size_t e = 0; e < (size_t)s->angles.n; e++) {
-    const int32_t *ijk = s->angles.ijk + 3 * e;
-    const ms_angle_spring spring = get_angle_spring(s, e);
-    if (pinned && !(s->pinned[ijk[0]] && s->pinned[ijk[1]] && s->pinned[ijk[2]])) continue;
-    const ms_angle at = measure_angle(ijk, x);
-    sum += ms_angle_energy(&at, &spring);
-  }
-  return sum;
+double ms_reference_compute_spring_energy(const ms_scene *s, int32_t spring, const double *x) {
+  const double *a = x + 3 * (size_t)s->ij[2 * (size_t)spring];
+  const double *b = x + 3 * (size_t)s->ij[2 * (size_t)spring + 1];
+  const double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+  return ms_law_value_of(s, spring, ms_vec3_norm(d)).energy;
+}
+
+double ms_reference_compute_angle_energy(const ms_scene *s, int32_t angle, const double *x) {
+  const ms_angle_spring spring = get_angle_spring(s, (size_t)angle);
+  const ms_angle at = measure_angle(s->angles.ijk + 3 * (size_t)angle, x);
+  return ms_angle_energy(&at, &spring);
 }
 
 /* The forces on all particles, those on pinned ones included */

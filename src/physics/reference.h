@@ -16,7 +16,8 @@ void ms_reference_compute_reactions(const ms_scene *scene, const double *x, cons
 double ms_reference_compute_tension(const ms_scene *scene, int32_t spring, const double *x,
                                     const double *v, double *elongation);
 
-/* The elastic energy (J) of all angular springs, or of those between pinned particles alone */
-double ms_reference_compute_angle_energy(const ms_scene *scene, const double *x, int pinned);
+/* The elastic energy (J) of a spring and of an angular spring */
+double ms_reference_compute_spring_energy(const ms_scene *scene, int32_t spring, const double *x);
+double ms_reference_compute_angle_energy(const ms_scene *scene, int32_t angle, const double *x);
 
 #endif

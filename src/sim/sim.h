@@ -77,6 +77,9 @@ struct msim_sim {
   int contacts_known;     /* the contact logs of all islands are those of the last step */
   msim_contact *contacts; /* as last requested; NULL: none */
 
+  int32_t *island_of;      /* of msim_sim_islands, as last requested; NULL: none */
+  double *island_energies; /* likewise */
+
   ms_energy_monitor monitor;
   ms_error_growth error_growth;
 

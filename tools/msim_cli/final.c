@@ -98,6 +98,7 @@ typedef struct content {
   double *reactions; /* 3n; NULL: no particle is pinned */
   int32_t ncontacts; /* -1: contacts are not recorded */
   const msim_contact *contacts;
+  msim_islands islands;
   uint8_t *broken; /* nsprings; NULL: no spring is broken */
 } content;
 
@@ -117,6 +118,27 @@ static int put_contacts(FILE *stream, const content *c) {
   return done && fputc(']', stream) != EOF;
 }
 
+static int put_numbers(FILE *stream, const char *key, int32_t n, const double *values) {
+  int done = fprintf(stream, ",\n  \"%s\": [", key) > 0;
+  for (int32_t i = 0; i < n && done; i++)
+    done = fprintf(stream, "%s%.17g", i ? ", " : "", values[i]) > 0;
+  return done && fputc(']', stream) != EOF;
+}
+
+/* Where there are several, apart from that of the pinned particles */
+static int put_islands(FILE *stream, const content *c) {
+  const msim_islands *all = &c->islands;
+  if (all->n - (c->reactions != NULL) < 2) return 1;
+  int done = fputs(",\n \"islands\": {\"of\": [", stream) >= 0;
+  for (int32_t p = 0; p < c->state.n && done; p++)
+    done = fprintf(stream, "%s%d", p ? ", " : "", (int)all->of[p]) > 0;
+  return done && fputc(']', stream) != EOF &&
+         put_numbers(stream, "kinetic", all->n, all->kinetic) &&
+         put_numbers(stream, "elastic", all->n, all->elastic) &&
+         put_numbers(stream, "gravitational", all->n, all->gravitational) &&
+         fputc('}', stream) != EOF;
+}
+
 static int put_content(FILE *stream, const content *c) {
   const msim_state *s = &c->state;
   return fprintf(stream, "%s%s\"", final_beginning, status_word(c->status)) > 0 &&
@@ -126,7 +148,7 @@ static int put_content(FILE *stream, const content *c) {
          (!s->v_half || put_triples(stream, "v_half", s->n, s->v_half)) &&
          (!c->reactions || put_triples(stream, "reactions", s->n, c->reactions)) &&
          (!c->broken || put_broken(stream, s->nsprings, c->broken)) && put_contacts(stream, c) &&
-         put_key(stream, "energy", energy_object(&c->energy)) &&
+         put_key(stream, "energy", energy_object(&c->energy)) && put_islands(stream, c) &&
          put_key(stream, "momentum", triple(c->energy.momentum)) &&
          put_key(stream, "angular_momentum", triple(c->energy.angular_momentum)) &&
          put_key(stream, "stats", stats_object(&c->stats)) && fputs("}\n", stream) >= 0;
@@ -176,10 +198,13 @@ int final_write(output_file *file, const msim_scene *scene, msim_sim *sim, msim_
   content c = {.status = status,
                .state = {.size = sizeof c.state},
                .energy = {.size = sizeof c.energy},
-               .stats = {.size = sizeof c.stats}};
+               .stats = {.size = sizeof c.stats},
+               .islands = {.size = sizeof c.islands}};
   msim_sim_state(sim, &c.state);
   msim_sim_energy(sim, &c.energy);
   msim_sim_stats(sim, &c.stats);
+  if (msim_sim_islands(sim, &c.islands) != MSIM_OK)
+    return report_error("out of memory for islands of '%s'", file->path);
   if (msim_sim_contacts(sim, &c.ncontacts, &c.contacts) != MSIM_OK) c.ncontacts = -1;
   if (has_pinned(scene)) {
     c.reactions = malloc((size_t)c.state.n * 3 * sizeof *c.reactions);

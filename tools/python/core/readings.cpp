@@ -10,6 +10,17 @@ static nb::tuple energy(const Sim &s) {
                         copy(e.angular_momentum, {3}), e.work);
 }
 
+static nb::tuple islands(Sim &s) {
+  msim_islands all{};
+  all.size = sizeof all;
+  if (const msim_status status = msim_sim_islands(idle(s), &all))
+    throw Failure{status, "out of memory for the islands"};
+  raise_force_exception();
+  const size_t n = static_cast<size_t>(all.n);
+  return nb::make_tuple(copy(all.of, {static_cast<size_t>(state_of(s).n)}), copy(all.kinetic, {n}),
+                        copy(all.elastic, {n}), copy(all.gravitational, {n}));
+}
+
 static nb::dict stats(const Sim &s) {
   msim_stats t{};
   t.size = sizeof t;
@@ -102,6 +113,7 @@ static nb::str explain(const Sim &s) {
 
 void bind_readings(nb::class_<Sim> &sim) {
   sim.def("_energy", energy)
+      .def("_islands", islands)
       .def("_stats", stats)
       .def("_plan", plan)
       .def("_estimate", estimate)

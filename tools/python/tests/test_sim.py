@@ -177,6 +177,23 @@ def test_reactions_and_springs_against_numpy():
     assert not sim.reactions[~pinned].any()
 
 
+def test_islands_add_up_to_the_energy():
+    scene = msim.Scene()
+    scene.add_particles(x=[[0, 0, 0], [1, 0, 0], [0, 0, 2], [5, 0, 0]], mass=[1, 2, 3, 4],
+                        v=[[0, 0, 0], [0, 1, 0], [0, 0, 0], [0, 0, 1]])
+    scene.add_springs(ij=[[0, 1], [2, 0]], k=8, rest=[0.5, 2])
+    scene.pin(0)
+    sim = sim_of(scene)
+    islands = sim.islands
+    np.testing.assert_array_equal(islands.of, [3, 0, 1, 2])
+    np.testing.assert_array_equal(islands.kinetic, [1, 0, 2, 0])
+    np.testing.assert_array_equal(islands.elastic, [1, 0, 0, 0])
+    sim.step(50)
+    energy = sim.energy
+    for name in ("kinetic", "elastic", "gravitational"):
+        assert getattr(sim.islands, name).sum() == pytest.approx(getattr(energy, name), abs=1e-12)
+
+
 def test_matrix_is_the_derivative_of_the_forces():
     pytest.importorskip("scipy")
     scene = network()

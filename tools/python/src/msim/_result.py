@@ -33,6 +33,15 @@ class Energies(NamedTuple):
     total: Doubles
 
 
+class Islands(NamedTuple):
+    """The island of each particle, and energies in J, one of each island."""
+
+    of: NDArray[np.int32]
+    kinetic: Doubles
+    elastic: Doubles
+    gravitational: Doubles
+
+
 class Plan(NamedTuple):
     """Decisions made at creation: steps and t_end are -1 if no end was given."""
 

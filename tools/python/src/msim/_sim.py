@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _core, _edits, _options
 from ._arrays import Doubles, Path
 from ._errors import ArgumentError, ArgumentTypeError, FileError, NumericalError, Status
-from ._result import Energy, Estimate, Frame, Plan, Result, Springs
+from ._result import Energy, Estimate, Frame, Islands, Plan, Result, Springs
 from ._scene import Scene
 
 if TYPE_CHECKING:
@@ -55,6 +55,15 @@ class Sim(_core.Sim):
     def energy(self) -> Energy:
         """Energies and momenta of the present state."""
         return Energy(*self._energy())
+
+    @property
+    def islands(self) -> Islands:
+        """The island of each particle, and the energies of each island.
+
+        Springs that are not broken join free particles; all pinned ones are one more island, the
+        last. The energies add up to those of `energy`.
+        """
+        return Islands(*self._islands())
 
     @property
     def stats(self) -> dict[str, float]:
