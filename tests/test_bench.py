@@ -13,7 +13,7 @@ class Help(BenchTest):
         out = self.good("--help")
         for word in ("Usage: msim_bench", "linear", "--quick", "--json FILE", "--scene NAME",
                      "--threads N", "cloth32", "mesh500", "forces", "scaling", "step",
-                     "precision", "tools/plot_bench"):
+                     "precision", "distributed", "--ranks N", "tools/plot_bench"):
             self.assertIn(word, out)
         self.assertLessEqual(max(map(len, out.splitlines())), 80)
         self.assertEqual(self.good("linear", "--help"), out)
@@ -27,7 +27,7 @@ class Refusals(BenchTest):
         (self.folder / "folder").mkdir()
         os.mkfifo(self.folder / "pipe")
         for args, *words in [
-            ([], "name of a bench", "linear", "or stability", "'msim_bench --help'"),
+            ([], "name of a bench", "linear", "or distributed", "'msim_bench --help'"),
             (["linaer"], "'linaer'"),
             (["linear", "linear"], "one bench"),
             (["--scene", "cloth32", "stability"], "'stability'", "its own scenes"),
@@ -46,6 +46,13 @@ class Refusals(BenchTest):
             (["step", "--scene", "cloth32,cloth316"], "'cloth316'", "'step'"),
             (["precision", "--scene", "cloth32"], "--scene", "'precision'"),
             (["step", "--threads", "2"], "--threads", "'step'"),
+            (["linear", "--ranks", "2"], "'linear'", "--ranks"),
+            (["distributed", "--ranks", "1,x"], "'1,x'", "1 to 64"),
+            (["distributed", "--ranks", ""], "''"),
+            (["distributed", "--ranks", "0"], "'0'"),
+            (["distributed", "--ranks", "65"], "'65'"),
+            (["distributed", "--ranks", "1,1,1,1,1,1,1,1,1"], "8 numbers"),
+            (["distributed", "--threads", "2"], "--threads", "'distributed'"),
             (["linear", "--json", "missing/a.json"], "missing/a.json"),
             (["linear", "--json", "folder"], "folder", "a folder"),
             (["linear", "--json", "pipe"], "pipe", "not a file"),

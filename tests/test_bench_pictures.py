@@ -86,7 +86,8 @@ class Curves(PlotTest):
                                         (self.folder / "out.svg").read_text())), 3)
 
     def test_nothing_to_plot(self):
-        for bench in "linear", "forces", "scaling", "skip", "step", "precision", "stability":
+        for bench in ("linear", "forces", "scaling", "skip", "step", "precision", "stability",
+                      "distributed"):
             with self.subTest(bench):
                 _, groups = self.picture(bench, [])
                 self.assertEqual(self.curves(groups), {})

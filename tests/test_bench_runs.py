@@ -2,7 +2,9 @@
 
 import os
 import re
+import shutil
 import signal
+import subprocess
 import time
 
 import support
@@ -278,6 +280,89 @@ class Forces(BenchTest):
         if self.result()["machine"]["cores"] == 1:
             expected.remove("two_threads_cloth500")
         self.assertEqual(set(self.result()["summary"]), expected)
+
+
+class Distributed(BenchTest):
+    KEYS = {"explicit_speedup_2", "implicit_step_speedup_2", "one_rank_over_alone_explicit",
+            "one_rank_over_alone_implicit", "iterations_over_alone", "iterations_over_alone_16",
+            "halo_bytes_over_model_2", "halo_bytes_over_model_64", "largest_over_mean",
+            "bytes_a_particle_explicit", "bytes_a_particle_implicit"}
+
+    def test_threads(self):
+        out = self.good("distributed", "--quick", "--ranks", "1,2", "--json", "out.json")
+        result = self.result()
+        rows, summary = result["rows"], result["summary"]
+        self.assertEqual(set(summary), self.KEYS)
+        self.check_printed(summary, out)
+        for row in self.find(rows, measure="strong"):
+            with self.subTest(row):
+                self.check_row(row)
+        self.check_parts(rows, summary)
+        self.check_counts(rows, summary)
+        self.check_model(self.find(rows, measure="model"))
+
+    def check_row(self, row):
+        self.assertEqual(row["status"], "ok")
+        self.assertGreater(row["ms"], 0)
+        self.assertEqual("exchanges" in row, row["ranks"] > 1)
+        self.assertEqual(row.get("iterations", 0) > 0, row["method"] == "implicit")
+        if row["ranks"] > 1 and row["method"] == "explicit":  # 20 forces, and one of the start
+            self.assertAlmostEqual(row["exchanges"], 21 / 20)
+        if row["contestant"] == "1 rank":
+            alone = self.find(self.result()["rows"], measure="strong", scene=row["scene"],
+                              contestant="alone")[0]
+            self.assertEqual(row.get("iterations"), alone.get("iterations"))
+
+    def check_parts(self, rows, summary):
+        """The border of a half: two layers of a cloth of 64 x 64, one of a jelly of 16^3; inside
+        there are 8 s + 16 and 6 s^2 + 12 s + 8 ghosts."""
+        parts = {(row["scene"], row["ranks"]): row for row in self.find(rows, measure="parts")}
+        self.assertEqual(parts["cloth64", 2]["bytes"], 24 * 2 * 64)
+        self.assertEqual(parts["jelly16", 2]["bytes"], 24 * 16 * 16)
+        self.assertEqual(parts["cloth64", 64]["model_bytes"], 24 * (8 * 8 + 16))
+        self.assertAlmostEqual(parts["jelly16", 64]["model_bytes"], 24 * (6 * 16 + 12 * 4 + 8))
+        self.assertEqual(summary["halo_bytes_over_model_2"], 1)
+        self.assertLessEqual(summary["halo_bytes_over_model_64"], 1.15)
+        self.assertLessEqual(summary["largest_over_mean"], 1.01)
+
+    def check_counts(self, rows, summary):
+        self.assertLessEqual(summary["iterations_over_alone"], 1.25)
+        self.assertLessEqual(summary["iterations_over_alone_16"], 1.4)
+        memory = {(row["method"], row["ranks"]): row["bytes_a_particle"]
+                  for row in self.find(rows, measure="memory")}
+        for method in "explicit", "implicit":
+            one, two = memory[method, 1], memory[method, 2]
+            self.assertEqual(summary[f"bytes_a_particle_{method}"], one)
+            self.assertTrue(0 < two - one < 400, (one, two))  # the scene on a further rank
+
+    def check_model(self, rows):
+        self.assertEqual([row["ranks"] for row in rows], [64, 512, 4096])
+        for row, more in zip(rows, rows[1:]):
+            self.assertAlmostEqual(row["gb_explicit"] / more["gb_explicit"], 8)
+            for key in "cloth_ms", "solid_ms", "iteration_ms":
+                self.assertTrue(1 < row[key] / more[key] < 8)
+            for key in "cloth_efficiency", "solid_efficiency":
+                self.assertTrue(1 > row[key] > more[key] > 0)
+
+    def test_processes(self):
+        support.require(shutil.which("mpirun"), "mpirun")
+        environment = {**os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1",
+                       "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+                       "OMPI_MCA_rmaps_base_oversubscribe": "1",
+                       "OMPI_MCA_mpi_yield_when_idle": "1"}
+        command = ["mpirun", "-n", "2", self.PROGRAM, "distributed", "--quick"]
+        done = subprocess.run([*command, "--json", "out.json"], cwd=self.folder, env=environment,
+                              text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=100)
+        support.require("msim_comm_mpi" not in done.stderr, "the plugin mpi")
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        result = self.result()
+        self.check_printed(result["summary"], done.stdout)
+        self.assertEqual(done.stdout.count("Summary"), 1)
+        self.assertEqual({row["ranks"] for row in result["rows"]}, {1, 2})
+        done = subprocess.run([*command, "--ranks", "2"], cwd=self.folder, env=environment,
+                              text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=100)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("omit --ranks", done.stderr)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,16 @@
 #include "arguments.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "../common/files.h"
 #include "../common/message.h"
+#include "../common/mpirun.h"
 
 /*------------------------------------- flags ----------------------------------------------------*/
 
-enum { QUICK, JSON, SCENE, THREADS, HELP, VERSION, NFLAGS };
+enum { QUICK, JSON, SCENE, THREADS, RANKS, HELP, VERSION, NFLAGS };
 
 static const bench_flag flags[NFLAGS] = {
     [QUICK] = {"quick", NULL, "finish within a minute, with fewer scenes and fewer runs"},
@@ -16,6 +18,7 @@ static const bench_flag flags[NFLAGS] = {
     [SCENE] = {"scene", "NAME,...", "run these scenes only"},
     [THREADS] = {"threads", "N",
                  "number of threads of msim; reference programs keep their defaults"},
+    [RANKS] = {"ranks", "N,...", "numbers of ranks of the bench `distributed` (1,2,4)"},
     [HELP] = {"help", NULL, "show this text"},
     [VERSION] = {"version", NULL, "show the version"},
 };
@@ -67,6 +70,21 @@ static int take_scene(arguments *args, const char *value) {
   return EXIT_OK;
 }
 
+/* value: numbers separated by commas */
+static int take_ranks(arguments *args, const char *value) {
+  enum { MOST = 64 };
+  bench_options *w = &args->options;
+  char *end = NULL;
+  for (const char *at = value; at; at = *end ? end + 1 : NULL) {
+    const long n = strtol(at, &end, 10);
+    if (end == at || (*end && *end != ',') || n < 1 || n > MOST || w->nranks == MAX_RANK_COUNTS)
+      return report_usage_error("", "--ranks '%s' is no list of up to %d numbers from 1 to %d",
+                                value, MAX_RANK_COUNTS, MOST);
+    w->ranks[w->nranks++] = (int32_t)n;
+  }
+  return EXIT_OK;
+}
+
 static int take_flag(arguments *args, int flag, const char *value) {
   switch (flag) {
     case JSON:
@@ -75,6 +93,8 @@ static int take_flag(arguments *args, int flag, const char *value) {
       return take_scene(args, value);
     case THREADS:
       return take_threads(args, value);
+    case RANKS:
+      return take_ranks(args, value);
     case QUICK:
       args->options.quick = 1;
       break;
@@ -120,6 +140,10 @@ static int check_bench(const bench_entry *bench, const bench_options *w) {
   if (w->threads && bench->threads)
     return report_usage_error("", "the bench '%s' runs with %s; omit --threads", bench->name,
                               bench->threads);
+  if (w->nranks && !bench->has_ranks)
+    return report_usage_error("", "the bench '%s' has no ranks; omit --ranks", bench->name);
+  if (w->nranks && mpirun_may_be_several())
+    return report_usage_error("", "the processes of mpirun are the ranks; omit --ranks");
   if (w->nscenes && bench->scenes && !*bench->scenes)
     return report_usage_error("", "the bench '%s' has its own scenes; omit --scene", bench->name);
   for (int i = 0; i < w->nscenes && bench->scenes; i++)

@@ -45,6 +45,13 @@ static const bench_entry benches[] = {
      .doc = "longest stable steps compared with theory, and scenes in which integrators fail",
      .scenes = "",
      .run = bench_stability},
+    {.name = "distributed",
+     .doc = "time, communication and memory of steps on several ranks, that are threads or, under "
+            "mpirun, processes, and a model of many",
+     .scenes = "",
+     .threads = "1 thread a rank",
+     .has_ranks = 1,
+     .run = bench_distributed},
 };
 
 const bench_entry *bench_info(int i) {

@@ -5,7 +5,7 @@
 #include "bench_scenes.h"
 #include "report.h"
 
-enum { MAX_SCENES = 13 };
+enum { MAX_SCENES = 13, MAX_RANK_COUNTS = 8 };
 
 /* Options of a benchmark run, from the command line. */
 typedef struct bench_options {
@@ -13,6 +13,8 @@ typedef struct bench_options {
   int32_t threads;                       /* option of all sims; 0: chosen by the scene's size */
   int nscenes;                           /* 0: all scenes of the benchmark */
   const bench_scene *scenes[MAX_SCENES]; /* nscenes */
+  int nranks;                            /* 0: those of the benchmark */
+  int32_t ranks[MAX_RANK_COUNTS];        /* nranks: numbers of ranks */
 } bench_options;
 
 /* A run of a benchmark. */
@@ -29,6 +31,7 @@ typedef struct bench_entry {
   double seconds[2], fall[2];
   const char *scenes;  /* those it has; NULL: all; "": scenes of its own, without --scene */
   const char *threads; /* how many it runs with, where --threads is not for it; NULL: as told */
+  int has_ranks;       /* 1: --ranks is for it */
   int (*run)(bench_run *b); /* measures and prints; returns the exit status */
 } bench_entry;
 
@@ -45,5 +48,6 @@ int bench_scaling(bench_run *b);
 int bench_step(bench_run *b);
 int bench_precision(bench_run *b);
 int bench_stability(bench_run *b);
+int bench_distributed(bench_run *b);
 
 #endif

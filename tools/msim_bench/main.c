@@ -7,6 +7,7 @@
 #include "../common/clock.h"
 #include "../common/interrupt.h"
 #include "../common/message.h"
+#include "../common/mpirun.h"
 #include "../common/output.h"
 #include "../common/standard.h"
 #include "arguments.h"
@@ -21,6 +22,7 @@ static void print_help(void) {
   char text[80], scenes[256] = "";
   puts(
       "Usage: msim_bench NAME [--quick] [--json FILE] [--scene NAME,...] [--threads N]\n"
+      "                       [--ranks N,...]\n"
       "Measure the speed and accuracy of msim on this machine, next to other libraries.\n\n"
       "Benches:");
   for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
@@ -53,7 +55,7 @@ static int run_bench(const arguments *args, output_file *json) {
   const double seconds = bench->seconds[quick];
   report r;
   if (args->json && output_open(json, args->json)) return EXIT_ERROR;
-  catch_interrupts();
+  if (!mpirun_may_be_several()) catch_interrupts(); /* processes would stop at different calls */
   report_begin(&r, bench->name, quick);
   bench_run b = {.options = &args->options,
                  .report = &r,
@@ -77,6 +79,8 @@ static int execute_command(int argc, char **argv) {
   if (args.help) print_help();
   else if (args.version) printf("msim_bench %s\n", msim_version());
   else {
+    mpirun_mute();
+    if (mpirun_rank() > 0) args.json = NULL;
     int status = run_bench(&args, &json);
     output_discard(&json);
     return status;

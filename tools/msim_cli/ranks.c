@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "../common/message.h"
+#include "../common/mpirun.h"
 #include "msim/comm.h"
 
 /* What each rank tells the others */
@@ -29,28 +30,13 @@ static struct {
 
 /*------------------------------------- before MPI -----------------------------------------------*/
 
-static int number_of(const char *variable, int otherwise) {
-  const char *text = getenv(variable);
-  return text && *text ? (int)strtol(text, NULL, 10) : otherwise;
-}
-
-/* Open MPI and others by PMI tell the number of ranks; PMIX_RANK only that there may be several. */
-static int may_be_several(void) {
-  const int n = number_of("OMPI_COMM_WORLD_SIZE", number_of("PMI_SIZE", 0));
-  return n > 1 || (n == 0 && getenv("PMIX_RANK") != NULL);
-}
-
-static void mute(void) {
-  if (!freopen("/dev/null", "w", stdout)) fclose(stdout);
-}
-
 void ranks_begin(void) {
-  if (!may_be_several()) return;
+  if (!mpirun_may_be_several()) return;
   ranks.several = 1;
-  ranks.rank = number_of("PMIX_RANK", number_of("OMPI_COMM_WORLD_RANK", number_of("PMI_RANK", 0)));
+  ranks.rank = mpirun_rank();
   gethostname(ranks.own.host, sizeof ranks.own.host - 1);
   message_keep(ranks.message, sizeof ranks.message);
-  if (ranks.rank > 0) mute();
+  mpirun_mute();
 }
 
 /*------------------------------------- agreement ------------------------------------------------*/
