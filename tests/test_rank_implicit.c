@@ -105,6 +105,38 @@ static void coarse_spaces(void **state) {
   msim_scene_destroy(jelly);
 }
 
+/* A net in a plane that contains gravity, and a straight rope, oblique: two components move, and
+ * affine motions of the rope's ranks depend on each other. */
+static void dependent_modes(void **state) {
+  (void)state;
+  const double g[3] = {3, 0, -9};
+  const msim_cloth net = {.size = sizeof net,
+                          .rows = 40,
+                          .columns = 40,
+                          .row = {0.6, 0, 0.8},
+                          .column = {0.8, 0, -0.6},
+                          .mass = 0.3,
+                          .k_structural = 20000,
+                          .k_shear = 20000,
+                          .npinned = 1,
+                          .pinned = (int32_t[]){0}};
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = 1200,
+                          .to = {0.8, 0, -0.6},
+                          .mass = 0.3,
+                          .k = 1e5,
+                          .npinned = 1,
+                          .pinned = (int32_t[]){0}};
+  for (int i = 0; i < 2; i++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(i ? msim_scene_add_rope(scene, &rope, err) : msim_scene_add_cloth(scene, &net, err));
+    assert_ok(msim_scene_set_gravity(scene, g, err));
+    check_implicit(i ? "oblique rope" : "planar net", scene, 5e-3);
+    msim_scene_destroy(scene);
+  }
+}
+
 /* Rest lengths 0: the matrix is scalar, and constant. */
 static void scalar_matrices(void **state) {
   (void)state;
@@ -129,6 +161,7 @@ int main(void) {
       cmocka_unit_test(regular_and_shuffled_meshes),
       cmocka_unit_test(laws_and_angles),
       cmocka_unit_test(coarse_spaces),
+      cmocka_unit_test(dependent_modes),
       cmocka_unit_test(scalar_matrices),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -6,11 +6,11 @@
 #include "physics/angle_springs.h"
 #include "physics/rank_model.h"
 
-enum { WEIGHTS = 4 };
+enum { WEIGHTS = 4, NONE = -1 };
 
 /*------------------------------------- creation -------------------------------------------------*/
 
-/* Center and half the extent of the unknowns of each rank in the scene */
+/* The box of the unknowns of a rank in the scene */
 typedef struct frame {
   double low[3], high[3];
 } frame;
@@ -48,49 +48,130 @@ static void set_weights(ms_rank_modes *q, const frame *frames) {
   }
 }
 
-msim_status ms_rank_modes_create(const ms_model *model, ms_rank_modes **modes, msim_error *err) {
-  const msim_allocator *alloc = &model->scene->alloc;
-  const ms_ranks *ranks = model->shape.ranks;
-  const size_t rows = (size_t)model->unknowns.first_fixed;
+static int create_weights(ms_rank_modes *q) {
+  const msim_allocator *alloc = &q->model->scene->alloc;
+  const size_t rows = (size_t)q->model->unknowns.first_fixed;
   frame *frames = NULL;
-  *modes = NULL;
-  if (!ranks) return MSIM_OK;
-  ms_rank_modes *q = *modes = ms_memory_allocate(alloc, 1, sizeof *q);
-  if (!q) return ms_error_set_memory(err, "the modes of the ranks");
-  q->model = model;
-  q->block = model->unknowns.dims * (1 + model->unknowns.dims);
-  q->n = q->block * ranks->n, q->own = q->block * ranks->rank;
-  const size_t n = (size_t)q->n, block = (size_t)q->block;
   const int fits = MS_NEW(alloc, q->rank, rows) && MS_NEW(alloc, q->weight, WEIGHTS * rows) &&
-                   MS_NEW(alloc, q->rows, block * n) && MS_NEW(alloc, q->factor, n * n) &&
-                   MS_NEW(alloc, q->message, block + 1) &&
-                   MS_NEW(alloc, q->messages, n + (size_t)ranks->n) && MS_NEW(alloc, q->z, n) &&
-                   MS_NEW(alloc, frames, ranks->n);
+                   MS_NEW(alloc, frames, q->model->shape.ranks->n);
   if (fits) {
-    measure_frames(model, frames);
+    measure_frames(q->model, frames);
     set_weights(q, frames);
   }
   ms_memory_free(alloc, frames);
-  return fits ? MSIM_OK : ms_error_set_memory(err, "the modes of the ranks");
+  return fits;
+}
+
+/*------------------------------------- pattern --------------------------------------------------*/
+
+/* linked: a byte for each pair of ranks; 1: a spring or angular spring of the scene joins them. */
+static void mark_links(const ms_model *model, uint8_t *linked) {
+  const ms_scene *s = model->scene;
+  const int32_t *owner = model->rank_model->part->owner;
+  const size_t n = (size_t)model->shape.ranks->n;
+  const struct {
+    const int32_t *end;
+    int32_t count, ends;
+  } of[] = {{s->ij, s->nsprings, 2}, {s->angles.ijk, s->angles.n, 3}};
+  for (int i = 0; i < 2; i++)
+    for (int32_t e = 0; e < of[i].count; e++)
+      for (int32_t c = 0; c < of[i].ends * of[i].ends; c++) {
+        const int32_t *end = of[i].end + (size_t)of[i].ends * (size_t)e;
+        const int32_t p = owner[end[c / of[i].ends]], r = owner[end[c % of[i].ends]];
+        if (p >= 0 && r >= 0 && p != r) linked[n * (size_t)p + (size_t)r] = 1;
+      }
+}
+
+static int create_graph(const ms_model *model, ms_sparse_graph *graph) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const int32_t n = graph->n = model->shape.ranks->n;
+  const size_t pairs = (size_t)n * (size_t)n;
+  uint8_t *linked = NULL;
+  int32_t links = 0;
+  int fits = MS_NEW(alloc, linked, pairs) && MS_NEW(alloc, graph->ptr, (size_t)n + 1);
+  if (fits) mark_links(model, linked);
+  for (size_t at = 0; at < pairs && fits; at++) links += linked[at];
+  fits = fits && MS_NEW(alloc, graph->ind, links);
+  for (size_t at = 0, next = 0; at < pairs && fits; at++) {
+    if (linked[at]) graph->ind[next++] = (int32_t)(at % (size_t)n);
+    graph->ptr[at / (size_t)n + 1] = (int32_t)next;
+  }
+  ms_memory_free(alloc, linked);
+  return fits;
+}
+
+/* Block (r, c) is sent by the one of both ranks whose row it is in the lower triangle. */
+static void list_blocks(const ms_sparse_graph *graph, ms_rank_modes *q) {
+  const int32_t own = q->model->shape.ranks->rank, *position = q->chol.position;
+  int32_t next = 0;
+  for (int32_t r = 0; r < graph->n; r++) {
+    const int32_t first = next;
+    q->index[r] = NONE;
+    for (int32_t at = graph->ptr[r] - 1; at < graph->ptr[r + 1]; at++) {
+      const int32_t c = at < graph->ptr[r] ? r : graph->ind[at];
+      if (position[r] < position[c]) continue;
+      q->place[next++] = ms_block_cholesky_find(&q->chol, r, c);
+    }
+    q->bytes[r] = (next - first) * q->chol.block * q->chol.block * (int64_t)sizeof *q->own;
+  }
+  for (int32_t at = graph->ptr[own] - 1, k = 0; at < graph->ptr[own + 1]; at++) {
+    const int32_t c = at < graph->ptr[own] ? own : graph->ind[at];
+    if (position[own] >= position[c]) q->index[c] = k++;
+  }
+}
+
+/* Each pair of linked ranks has one block in the messages, and each rank one on the diagonal. */
+static msim_status create_matrix(ms_rank_modes *q, msim_error *err) {
+  const msim_allocator *alloc = &q->model->scene->alloc;
+  const size_t block = q->model->unknowns.dims == 3 ? 12 : 8;
+  ms_sparse_graph graph = {0};
+  msim_status status = create_graph(q->model, &graph) ? MSIM_OK : MSIM_ERR_MEMORY;
+  if (!status)
+    status = ms_block_cholesky_create(alloc, &graph, (int32_t)block, q->model->isa, &q->chol, err);
+  const size_t n = (size_t)graph.n, blocks = status ? 0 : n + (size_t)graph.ptr[n] / 2;
+  const size_t own = status ? 0
+                            : 1 + (size_t)(graph.ptr[q->model->shape.ranks->rank + 1] -
+                                           graph.ptr[q->model->shape.ranks->rank]);
+  if (!status && MS_NEW(alloc, q->index, n) && MS_NEW(alloc, q->bytes, n) &&
+      MS_NEW(alloc, q->place, blocks) && MS_NEW(alloc, q->own, own * block * block) &&
+      MS_NEW(alloc, q->all, blocks * block * block) && MS_NEW(alloc, q->message, 1 + block) &&
+      MS_NEW(alloc, q->messages, n * (1 + block)) && MS_NEW(alloc, q->z, n * block) &&
+      (graph.n <= MS_RANK_MODES_FACTOR || MS_NEW(alloc, q->inverse, n * block * block)))
+    list_blocks(&graph, q);
+  else status = ms_error_set_memory(err, "the modes of the ranks");
+  MS_FREE(alloc, graph.ptr, graph.ind);
+  return status;
+}
+
+msim_status ms_rank_modes_create(const ms_model *model, ms_rank_modes **modes, msim_error *err) {
+  *modes = NULL;
+  if (!model->shape.ranks) return MSIM_OK;
+  ms_rank_modes *q = *modes = ms_memory_allocate(&model->scene->alloc, 1, sizeof *q);
+  if (q) q->model = model;
+  if (!q || !create_weights(q)) return ms_error_set_memory(err, "the modes of the ranks");
+  return create_matrix(q, err);
 }
 
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *q) {
-  if (q) MS_FREE(alloc, q->rank, q->weight, q->rows, q->factor, q->message, q->messages, q->z, q);
+  if (!q) return;
+  ms_block_cholesky_destroy(alloc, &q->chol);
+  MS_FREE(alloc, q->rank, q->weight, q->index, q->own, q->all, q->bytes, q->place, q->message,
+          q->messages, q->z, q->inverse, q);
 }
 
 /*------------------------------------- the matrix -----------------------------------------------*/
 
-/* Rows of this rank += (weights of row i) block (weights of row j) */
+/* Own blocks += (weights of row i) block (weights of row j), by columns */
 static void add_block(ms_rank_modes *q, int32_t i, int32_t j, double block[3][3]) {
-  const int32_t dims = q->model->unknowns.dims, modes = 1 + dims;
+  const int32_t dims = q->model->unknowns.dims, modes = 1 + dims, n = q->chol.block;
   const double *wi = q->weight + WEIGHTS * (size_t)i, *wj = q->weight + WEIGHTS * (size_t)j;
-  for (int32_t b = 0; b < dims; b++)
-    for (int32_t c = 0; c < dims; c++)
-      for (int32_t k = 0; k < modes; k++) {
-        double *to = q->rows + (size_t)(modes * b + k) * (size_t)q->n +
-                     (size_t)(q->block * q->rank[j] + modes * c);
-        for (int32_t l = 0; l < modes; l++) to[l] += wi[k] * block[b][c] * wj[l];
-      }
+  if (q->index[q->rank[j]] == NONE) return;
+  double *to = q->own + (size_t)(n * n) * (size_t)q->index[q->rank[j]];
+  for (int32_t c = 0; c < dims; c++)
+    for (int32_t l = 0; l < modes; l++)
+      for (int32_t b = 0; b < dims; b++)
+        for (int32_t k = 0; k < modes; k++)
+          to[n * (modes * c + l) + modes * b + k] += wi[k] * block[b][c] * wj[l];
 }
 
 static void get_diagonal_block(const ms_model *model, const ms_coefficients *a, double by,
@@ -144,29 +225,48 @@ static void add_angle(ms_rank_modes *q, const ms_coefficients *a, double by, int
     }
 }
 
-/* L L^T by rows; a pivot that rounding errors may have left is infinite: its unknown is 0. */
-static void factor_matrix(ms_rank_modes *q) {
-  const double LITTLE = 1e-10;
-  const size_t n = (size_t)q->n;
-  double *l = q->factor;
-  for (size_t i = 0; i < n; i++)
-    for (size_t j = 0; j <= i; j++) {
-      const double whole = l[n * i + j];
-      double sum = whole;
-      for (size_t k = 0; k < j; k++) sum -= l[n * i + k] * l[n * j + k];
-      if (i > j) l[n * i + j] = sum / l[n * j + j];
-      else l[n * i + i] = sum > LITTLE * whole ? sqrt(sum) : INFINITY;
-    }
+/* Modes that depend on others, as in a straight row of particles, and padding make the diagonal
+ * blocks singular: a shift far below the single precision of the factor makes them definite. */
+static void shift_diagonal(ms_rank_modes *q) {
+  const double SHIFT = 1e-7;
+  const size_t n = (size_t)q->chol.block;
+  for (int32_t r = 0; r < q->chol.n; r++) {
+    double *block = q->chol.value + n * n * (size_t)ms_block_cholesky_find(&q->chol, r, r);
+    for (size_t i = 0; i < n; i++)
+      block[n * i + i] += block[n * i + i] > 0 ? SHIFT * block[n * i + i] : 1;
+  }
+}
+
+/* By symmetry the columns are the rows. */
+static void compute_inverse(ms_rank_modes *q) {
+  const size_t block = (size_t)q->chol.block, n = block * (size_t)q->chol.n;
+  const size_t first = block * (size_t)q->model->shape.ranks->rank;
+  for (size_t i = 0; i < block; i++) {
+    double *row = q->inverse + n * i;
+    memset(row, 0, n * sizeof *row);
+    row[first + i] = 1;
+    ms_block_cholesky_solve(&q->chol, row);
+  }
 }
 
 void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by) {
-  const size_t bytes = (size_t)q->block * (size_t)q->n * sizeof *q->rows;
-  memset(q->rows, 0, bytes);
+  ms_ranks *ranks = q->model->shape.ranks;
+  const size_t area = (size_t)(q->chol.block * q->chol.block);
+  memset(q->own, 0, (size_t)q->bytes[ranks->rank]);
   for (int32_t i = 0; i < q->model->unknowns.nfree; i++) add_row(q, a, by, i);
   for (int32_t e = 0; e < q->model->angles.n; e++) add_angle(q, a, by, e);
-  ms_ranks_gather(q->model->shape.ranks, (int64_t)bytes, q->rows, q->factor);
-  factor_matrix(q);
-  q->is_ready = 1;
+  ms_ranks_gather_parts(ranks, q->bytes, q->own, q->all);
+  q->is_ready = 0;
+  if (ranks->failed) return;
+  memset(q->chol.value, 0, area * (size_t)q->chol.first[q->chol.n] * sizeof *q->chol.value);
+  const double *from = q->all;
+  int32_t next = 0;
+  for (int32_t r = 0; r < ranks->n; r++)
+    for (int64_t left = q->bytes[r]; left > 0; left -= (int64_t)(area * sizeof *from), from += area)
+      memcpy(q->chol.value + area * (size_t)q->place[next++], from, area * sizeof *from);
+  shift_diagonal(q);
+  q->is_ready = !ms_block_cholesky_factor(&q->chol);
+  if (q->is_ready && q->inverse) compute_inverse(q);
 }
 
 /*------------------------------------- solving --------------------------------------------------*/
@@ -175,7 +275,7 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
 static void restrict_residual(ms_rank_modes *q, double share, const double *r) {
   const ms_unknowns *rows = &q->model->unknowns;
   const int32_t modes = 1 + rows->dims;
-  memset(q->message, 0, (size_t)(q->block + 1) * sizeof *q->message);
+  memset(q->message, 0, (size_t)(q->chol.block + 1) * sizeof *q->message);
   q->message[0] = share;
   for (int32_t c = 0; c < rows->dims; c++) {
     const double *from = r + (size_t)c * (size_t)rows->stride;
@@ -186,11 +286,12 @@ static void restrict_residual(ms_rank_modes *q, double share, const double *r) {
   }
 }
 
-static void add_correction(const ms_rank_modes *q, double *z) {
+/* by: the solution at the modes of this rank */
+static void add_correction(const ms_rank_modes *q, const double *solution, double *z) {
   const ms_unknowns *rows = &q->model->unknowns;
   const int32_t modes = 1 + rows->dims;
   for (int32_t c = 0; c < rows->dims; c++) {
-    const double *by = q->z + q->own + modes * c;
+    const double *by = solution + modes * c;
     double *to = z + (size_t)c * (size_t)rows->stride;
     for (int32_t i = 0; i < rows->nfree; i++)
       for (int32_t k = 0; k < modes; k++)
@@ -198,32 +299,52 @@ static void add_correction(const ms_rank_modes *q, double *z) {
   }
 }
 
-/* z = (L L^T)^-1 b, b in the messages. Returns b.z. */
-static double solve_modes(ms_rank_modes *q) {
-  const size_t n = (size_t)q->n, block = (size_t)q->block;
-  const double *l = q->factor;
+/* z = b, of all ranks. Returns the sum of their shares. */
+static double take_messages(ms_rank_modes *q) {
+  const size_t block = (size_t)q->chol.block;
   double sum = 0;
-  for (size_t i = 0; i < n; i++) {
-    double y = q->messages[i + i / block + 1];
-    for (size_t k = 0; k < i; k++) y -= l[n * i + k] * q->z[k];
-    q->z[i] = y / l[n * i + i];
-    sum += q->z[i] * q->z[i];
+  for (size_t r = 0; r < (size_t)q->chol.n; r++) {
+    const double *from = q->messages + (block + 1) * r;
+    sum += from[0];
+    memcpy(q->z + block * r, from + 1, block * sizeof *from);
   }
-  for (size_t i = n; i-- > 0;) {
-    for (size_t k = i + 1; k < n; k++) q->z[i] -= l[n * k + i] * q->z[k];
-    q->z[i] /= l[n * i + i];
+  return sum;
+}
+
+/* z = (Q^T A Q)^-1 b by the factor, alike on all ranks. Returns b.z. */
+static double solve_by_factor(ms_rank_modes *q, double *solution) {
+  const size_t block = (size_t)q->chol.block;
+  double sum = 0;
+  ms_block_cholesky_solve(&q->chol, q->z);
+  for (size_t r = 0; r < (size_t)q->chol.n; r++)
+    for (size_t i = 0; i < block; i++)
+      sum += q->messages[(block + 1) * r + 1 + i] * q->z[block * r + i];
+  memcpy(solution, q->z + block * (size_t)q->model->shape.ranks->rank, block * sizeof *solution);
+  return sum;
+}
+
+/* The same by the own rows of the inverse. */
+static double multiply_by_inverse(const ms_rank_modes *q, double *solution) {
+  const size_t block = (size_t)q->chol.block, n = block * (size_t)q->chol.n;
+  double sum = 0;
+  for (size_t i = 0; i < block; i++) {
+    solution[i] = 0;
+    for (size_t k = 0; k < n; k++) solution[i] += q->inverse[n * i + k] * q->z[k];
+    sum += q->message[1 + i] * solution[i];
   }
+  ms_ranks_sum(q->model->shape.ranks, 1, &sum);
   return sum;
 }
 
 double ms_rank_modes_solve(ms_rank_modes *q, double share, const double *r, double *z) {
   ms_ranks *ranks = q->model->shape.ranks;
-  const size_t length = (size_t)q->block + 1;
+  double solution[MS_BLOCK_CHOLESKY_MAX_BLOCK];
   restrict_residual(q, share, r);
-  ms_ranks_gather(ranks, (int64_t)(length * sizeof *q->message), q->message, q->messages);
+  ms_ranks_gather(ranks, (int64_t)((size_t)(1 + q->chol.block) * sizeof *q->message), q->message,
+                  q->messages);
   if (ranks->failed) return NAN;
-  double sum = solve_modes(q);
-  for (size_t k = 0; k < (size_t)ranks->n; k++) sum += q->messages[length * k];
-  add_correction(q, z);
+  double sum = take_messages(q);
+  sum += q->inverse ? multiply_by_inverse(q, solution) : solve_by_factor(q, solution);
+  add_correction(q, solution, z);
   return sum;
 }

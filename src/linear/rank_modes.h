@@ -2,26 +2,33 @@
  *
  * Q has the affine motions of each rank's unknowns: for each component 1 and the coordinates in the
  * scene, less their mean, over half the extent of the rank: 12 modes a rank, 6 in planar scenes.
- * They carry corrections across ranks, which coarse spaces of single ranks do not. Every rank has
- * the whole dense factor, and solves with it alike. */
+ * They carry corrections across ranks, which coarse spaces of single ranks do not. Q^T A Q has a
+ * block row for each rank, with blocks where springs join two ranks. Every rank has all of its
+ * factor. Up to MS_RANK_MODES_FACTOR ranks each solves with it; on more ranks each computes its own
+ * rows of the inverse from it, once, and multiplies by them: 12 P numbers in place of the whole
+ * factor, for a further sum over ranks. */
 #ifndef MS_RANK_MODES_H
 #define MS_RANK_MODES_H
 
+#include "linear/block_cholesky.h"
 #include "physics/force.h"
-#include "layout/rank_part.h"
 
-enum { MS_RANK_MODES_MOST = 12 };
+#ifndef MS_RANK_MODES_FACTOR /* tests make it small */
+#  define MS_RANK_MODES_FACTOR 256
+#endif
 
 typedef struct ms_rank_modes {
   const ms_model *model;
-  int32_t n, own;             /* modes of all ranks, and the first one of this rank */
-  int32_t block;              /* modes of a rank */
   int32_t *rank;              /* first_fixed: of each unknown and ghost */
   double *weight;             /* 4 first_fixed: 1 and the coordinates of each; less where planar */
-  double *rows;               /* block n: Q^T A Q, rows of this rank */
-  double *factor;             /* n^2: L, by rows */
-  double *message, *messages; /* 1 + block, of each rank */
-  double *z;                  /* n */
+  ms_block_cholesky chol;     /* of Q^T A Q, blocks of 12, or 6 padded to 8 */
+  int32_t *index;             /* nranks: of block (own rank, r) in `own`; NONE: r sends it */
+  double *own, *all;          /* blocks of this rank; those of all ranks, in their order */
+  int64_t *bytes;             /* nranks: of the blocks of each */
+  int32_t *place;             /* where each of `all` is in chol.value */
+  double *message, *messages; /* 1 + chol.block, of each rank */
+  double *z;                  /* chol.block nranks: b, then the solution */
+  double *inverse;            /* own rows of (Q^T A Q)^-1, one after the other; NULL: few ranks */
   int is_ready;               /* 1: factored */
 } ms_rank_modes;
 
@@ -29,7 +36,7 @@ typedef struct ms_rank_modes {
 msim_status ms_rank_modes_create(const ms_model *model, ms_rank_modes **modes, msim_error *err);
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *modes);
 
-/* Factor Q^T (by A) Q; collective. Modes that depend on others are left out. */
+/* Factor Q^T (by A) Q; collective. Where it is not positive definite, nothing is ready. */
 void ms_rank_modes_factor(ms_rank_modes *modes, const ms_coefficients *a, double by);
 
 /* z += Q (Q^T A Q)^-1 Q^T r on the unknowns of this rank. Returns r.(what is added) plus `share`,
