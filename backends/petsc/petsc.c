@@ -1,5 +1,6 @@
 /* petsc - solver plugin: the Krylov methods (KSP) and preconditioners (PC) of PETSc, by its own
- * options. Without options: conjugate gradients with smoothed aggregation (GAMG).
+ * options. Without options: conjugate gradients with smoothed aggregation (GAMG), or, for a few
+ * unknowns, a factorization.
  *
  * The host's FULL matrix becomes an AIJ matrix with the block size and the near-null space of rigid
  * bodies, of which multigrid makes its coarse spaces. KSP solves for corrections A e = b - A y from
@@ -27,12 +28,17 @@
 #define STRING_(x) #x
 #define STRING(x)  STRING_(x)
 
-#define DEFAULTS "-ksp_type cg -pc_type gamg"
+#define DEFAULTS       "-ksp_type cg -pc_type gamg"
+#define DEFAULTS_SMALL "-pc_type cholesky" /* beside these, up to MOST_SMALL unknowns */
+
+/* Creating the objects of GAMG takes longer than to factor a system of so few unknowns. */
+enum { MOST_SMALL = 60 };
 
 typedef struct petsc_solver {
   const msim_host *host;
   PetscOptions options;
-  int are_known; /* 1: the names of all options have been checked */
+  int has_options; /* 1: of the caller */
+  int are_known;   /* 1: the names of all options have been checked */
   Mat matrix;
   KSP ksp;
   Vec r, e;      /* residual and correction, in arrays of PETSc */
@@ -143,6 +149,7 @@ static msim_status petsc_set_options(void *data, const char *text) {
   petsc_solver *self = data;
   if (text[strspn(text, " ")] != '-')
     return petsc_refuse(self, "solver.options must be options of PETSc, as -ksp_type cg");
+  self->has_options = 1;
   enter_petsc(self);
   const PetscErrorCode code = PetscOptionsInsertString(self->options, text);
   leave_petsc(self);
@@ -234,8 +241,10 @@ static msim_status petsc_analyze(void *data, const msim_system *A, msim_solve_in
   self->value =
       self->host->alloc(self->host, (size_t)A->rowptr[A->n * A->block] * sizeof *self->value);
   if (!self->inverse || !self->value) return MSIM_ERR_MEMORY;
+  const int is_small = !self->has_options && A->n * A->block <= MOST_SMALL;
   enter_petsc(self);
-  const PetscErrorCode code = make_matrix(self, A);
+  PetscErrorCode code = is_small ? PetscOptionsInsertString(self->options, DEFAULTS_SMALL) : 0;
+  if (!code) code = make_matrix(self, A);
   leave_petsc(self);
   return convert_code(self, code, MSIM_ERR_BACKEND);
 }
