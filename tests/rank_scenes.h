@@ -41,4 +41,14 @@ static inline msim_scene *random_mesh(int32_t n, unsigned seed, double damping) 
   return scene;
 }
 
+/* Move two corners of a square cloth, pinned in it, along a polyline. */
+static inline void move_corners(msim_scene *cloth, int32_t side) {
+  const int32_t corners[2] = {0, side - 1};
+  const double t[3] = {0, 0.003, 0.009},
+               x[18] = {0, 0, 0, 1, 0, 0, 0.1, 0, 0.1, 0.9, 0, 0.1, 0, 0.2, 0, 1, 0.1, 0};
+  const msim_motion motion = {
+      .size = sizeof motion, .n = 2, .particles = corners, .nt = 3, .t = t, .x = x};
+  assert_ok(msim_scene_add_motion(cloth, &motion, err));
+}
+
 #endif

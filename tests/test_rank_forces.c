@@ -107,6 +107,25 @@ static void moving_pins(void **state) {
       check_run("moving pins", scene, options(methods[i], 1e-4), 120, 4);
     msim_scene_destroy(scene);
   }
+  msim_scene *bending = bending_cloth(15, 400, 0.01, 0.001);
+  move_corners(bending, 15);
+  check_run("bending cloth", bending, options("velocity-verlet", 1e-4), 120, 4);
+  check_run("bending cloth", bending, options("rk4", 1e-4), 120, 4);
+  msim_scene_destroy(bending);
+  const int32_t first = 0;
+  msim_scene *chain_of_9 = make_chain((chain){9, 100, 0.1, 0.05, 0});
+  assert_ok(msim_scene_pin(chain_of_9, 1, &first, err));
+  assert_ok(msim_scene_set_gravity(chain_of_9, (double[3]){0, 0, -9.81}, err));
+  const msim_motion slide = {.size = sizeof slide,
+                             .n = 1,
+                             .particles = &first,
+                             .nt = 3,
+                             .t = t,
+                             .x = (double[9]){[3] = 0.01, [7] = 0.02}};
+  assert_ok(msim_scene_add_motion(chain_of_9, &slide, err));
+  check_run("chain", chain_of_9, options("velocity-verlet", 1e-4), 120, MOST_RANKS);
+  check_run("chain", chain_of_9, options("rk4", 1e-4), 120, MOST_RANKS);
+  msim_scene_destroy(chain_of_9);
 }
 
 static void moving_collider(void **state) {

@@ -3,13 +3,17 @@
 #include "integrate/integrator.h"
 #include "physics/force_function.h"
 #include "physics/moving_pins.h"
+#include "physics/rank_model.h"
 
 /* The instant of the next sweep: at the end of a step the velocities are those before it. */
 static ms_instant sweep_instant(const ms_stepper *s) {
   return (ms_instant){.t = s->t + s->c * s->h, .before = s->c > 0.5};
 }
 
+/* Of springs the ends that move pull at own unknowns, but angular springs may have ghosts, too. */
 void ms_stepper_add_work(ms_stepper *s, double weight, const double *x, const double *v) {
+  const ms_scene *scene = s->model->scene;
+  if (scene->nmotions && scene->angles.n) ms_rank_model_refresh(s->model, x, v);
   if (s->model->pins)
     s->work_in_step +=
         weight * s->h * ms_moving_pins_compute_power(s->model, sweep_instant(s), x, v);

@@ -68,6 +68,14 @@ static inline void ms_unknowns_set(const ms_unknowns *rows, const double in[3], 
     vec[(size_t)c * (size_t)rows->stride + (size_t)r] = in[rows->axis[c]];
 }
 
+/* The share of this rank in what n particles have in common, as a spring its energy: of those rows
+ * that are unknowns of any rank, the fraction that are its own. 1 in one process */
+static inline double ms_unknowns_own_share(const ms_unknowns *rows, int32_t n, const int32_t *row) {
+  int32_t own = 0, all = 0;
+  for (int32_t c = 0; c < n; c++) own += row[c] < rows->nfree, all += row[c] < rows->first_fixed;
+  return own == all ? 1 : (double)own / all;
+}
+
 /* The island's springs in the order of the scene, with their ends as rows. */
 typedef struct ms_springs {
   int32_t n;

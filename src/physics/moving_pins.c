@@ -110,13 +110,14 @@ static double compute_spring_power(const ms_model *model, const ms_moving_spring
   return pull / l * ms_vec3_dot(d, w);
 }
 
-/* The power of the force of an angular spring on its moving corner */
+/* This rank's share of the power of the force of an angular spring on its moving corner */
 static double compute_corner_power(const ms_model *model, const ms_moving_corner *e, ms_instant at,
                                    const double *x, const double *v) {
   double here[3], w[3], f[3];
   evaluate_row(model, &e->end, at, here, w);
   ms_angle_springs_force_at(model, e->corner, x, v, f);
-  return ms_vec3_dot(f, w);
+  return ms_unknowns_own_share(&model->unknowns, 3, model->angles.row + e->corner / 3 * 3) *
+         ms_vec3_dot(f, w);
 }
 
 double ms_moving_pins_compute_power(const ms_model *model, ms_instant at, const double *x,
