@@ -88,6 +88,11 @@ static void events_are_those_of_one_process(void **state) {
   blind.watch = MSIM_WATCH_OFF;
   check_events(cloth, blind, MSIM_NOT_FINITE, 1000);
   msim_scene *mesh = random_mesh(120, 7, 0);
+  msim_options few = options("implicit-euler", 0.02);
+  few.newton_max_iterations = 2, few.newton_retries = 0;
+  check_events(mesh, few, MSIM_NOT_CONVERGED, WHOLE_TEXT);
+  few.newton_retries = 1;
+  check_events(mesh, few, MSIM_NOT_CONVERGED, WHOLE_TEXT);
   check_events(mesh, options("velocity-verlet", 0.008), MSIM_UNSTABLE, WHOLE_TEXT);
   msim_scene_destroy(mesh);
   double force[3 * 81] = {[3 * 40] = 1e200}; /* beyond the limit of numbers, on one rank */
@@ -96,6 +101,61 @@ static void events_are_those_of_one_process(void **state) {
   assert_ok(msim_scene_set_forces(cloth, NULL, err));
   assert_ok(msim_scene_set_force_function(cloth, &late, err));
   check_events(cloth, options("velocity-verlet", 1e-4), MSIM_FORCE_FAILED, 1000);
+  msim_scene_destroy(cloth);
+}
+
+static _Thread_local double armed = INFINITY; /* s */
+
+/* Of particle 30, in a step of 1e-4 s from then on: NaN at its end, so that it is retried in two
+ * substeps, and a failure before */
+static int32_t fail_in_retry(void *data, const msim_force_batch *b) {
+  (void)data;
+  for (int32_t i = 0; i < b->n && b->t >= armed; i++) {
+    if (b->particles[i] != 30) continue;
+    if (b->t < armed + 0.75e-4) return 7;
+    b->f[3 * i] = NAN;
+  }
+  return 0;
+}
+
+static double no_potential(void *data, int32_t n, const int32_t *particles, const double *x) {
+  (void)data, (void)n, (void)particles, (void)x;
+  return 0;
+}
+
+static const char *check_failed_force(msim_comm *comm, void *data) {
+  const run *r = data;
+  msim_options opt = r->opt;
+  msim_sim *sim;
+  msim_error why;
+  opt.comm = comm;
+  EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_step(sim, 3, &why) == MSIM_OK);
+  armed = 3e-4 - 1e-9;
+  EXPECT(msim_sim_step(sim, 1, &why) == MSIM_FORCE_FAILED);
+  armed = INFINITY;
+  EXPECT(has_same_text(comm, why.text));
+  EXPECT(msim_sim_step(sim, 20, &why) == MSIM_OK);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+/* No rank goes on from cached stages that another one has lost, as newmark does. */
+static void ranks_go_on_after_a_force_failed(void **state) {
+  (void)state;
+  const char *methods[] = {"velocity-verlet", "newmark", "bdf2", "tr-bdf2"};
+  const msim_force_function function = {.size = sizeof function,
+                                        .name = "fails in retries",
+                                        .evaluate = fail_in_retry,
+                                        .potential = no_potential};
+  msim_scene *cloth = hanging_cloth(9, 4000, 0);
+  assert_ok(msim_scene_set_force_function(cloth, &function, err));
+  for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
+    run r = {.scene = cloth, .opt = options(methods[i], 1e-4)};
+    r.opt.newton_retries = 1;
+    const char *wrong = run_ranks(3, check_failed_force, &r);
+    if (wrong) fail_msg("%s: %s", methods[i], wrong);
+  }
   msim_scene_destroy(cloth);
 }
 
@@ -276,7 +336,7 @@ static const char *check_memory(msim_comm *comm, void *data) {
   msim_sim *sim = NULL;
   msim_error why = {0};
   EXPECT(scene);
-  opt.comm = comm, opt.threads = 1, opt.newton_retries = 0;
+  opt.comm = comm, opt.threads = 1;
   if (comm->rank == c->rank) count.fail_at = count.calls + c->fail_at;
   const int64_t before = count.live;
   const msim_status status = msim_sim_create(scene, &opt, &sim, &why);
@@ -309,6 +369,7 @@ static void each_allocation_that_fails_is_a_failure_on_all_ranks(void **state) {
     for (int32_t rank = 0; rank < n; rank++) {
       check_allocations("velocity-verlet", n, rank);
       check_allocations("linearly-implicit-euler", n, rank);
+      check_allocations("bdf2", n, rank);
     }
 }
 
@@ -377,6 +438,7 @@ static void states_are_set_on_all_ranks(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(events_are_those_of_one_process),
+      cmocka_unit_test(ranks_go_on_after_a_force_failed),
       cmocka_unit_test(ranks_stop_together),
       cmocka_unit_test(ranks_rest_together),
       cmocka_unit_test(bounds_of_energy_are_those_of_one_process),

@@ -2,85 +2,21 @@
  * of the solver, and the same bits in each run. */
 #include "angle_scenes.h"
 #include "laws.h"
-#include "rank_runs.h"
+#include "rank_implicit.h"
 
-enum { STEPS = 4 };
-static const double RTOL = 1e-8;
-
-static double largest_of(const double *x, int32_t n) {
-  double most = 0;
-  for (int32_t i = 0; i < 3 * n; i++) most = fmax(most, fabs(x[i]));
-  return most;
-}
-
-/* The two runs of each number of ranks */
-typedef struct implicit_case {
-  run r;
-  double *v; /* of the first run on that many ranks; NULL: this is the first */
-  double worst;
-  int64_t alone, iterations; /* of one process, and of ranks */
-} implicit_case;
-
-static const char *check_rank(msim_comm *comm, void *data) {
-  implicit_case *c = data;
-  msim_options opt = c->r.opt;
-  msim_sim *sim;
-  static char text[MOST_RANKS][1100];
-  msim_error why = {0};
-  msim_state s = {.size = sizeof s};
-  msim_stats stats = {.size = sizeof stats};
-  opt.comm = comm;
-  if (msim_sim_create(c->r.scene, &opt, &sim, &why) || msim_sim_step(sim, c->r.steps, &why)) {
-    snprintf(text[comm->rank], sizeof text[0], "%s", why.text);
-    return text[comm->rank];
-  }
-  if (msim_sim_state(sim, &s) || msim_sim_stats(sim, &stats)) return "no state";
-  const double most = fmax(largest_of(c->r.expected.v, s.n), 9.81 * c->r.opt.h);
-  double off = 0;
-  for (int32_t i = 0; i < 3 * s.n; i++) off = fmax(off, fabs(s.v[i] - c->r.expected.v[i]));
-  const char *wrong = NULL;
-  if (!(off <= 10 * RTOL * c->r.steps * most)) wrong = "other velocities";
-  if (c->v && !has_same_bits(s.v, c->v, s.n)) wrong = "other bits in the second run";
-  double *v = comm->rank == 0 && !c->v ? copy_numbers(s.v, s.n) : NULL;
-  double unused = 0;
-  comm->sum(comm->self, 1, &unused); /* all have read c->v */
-  if (v) c->v = v;
-  if (comm->rank == 0) c->worst = off / most, c->iterations = stats.iterations;
-  msim_sim_destroy(sim);
-  return wrong;
-}
-
-static void check_implicit(const char *name, const msim_scene *scene, double h) {
-  msim_options opt = options("linearly-implicit-euler", h);
-  opt.solver = "pcg", opt.solver_rtol = RTOL;
-  implicit_case c = {.r = run_alone(scene, opt, STEPS)};
-  msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, STEPS, err));
-  c.alone = stats_of(sim).iterations;
-  msim_sim_destroy(sim);
-  for (int32_t n = 2; n <= 4; n++) {
-    for (int twice = 0; twice < 2; twice++) {
-      const char *wrong = run_ranks(n, check_rank, &c);
-      if (wrong) fail_msg("%s, %d ranks: %s", name, n, wrong);
-    }
-    print_message("%s, %d ranks: dv %.1e of max |v| or g h, %d iterations, %d alone\n", name, n,
-                  c.worst, (int)c.iterations, (int)c.alone);
-    assert_true(2 * c.iterations <= 3 * c.alone);
-    free(c.v);
-    c.v = NULL;
-  }
-  free_run(&c.r);
+static void check_linear(const char *name, const msim_scene *scene, double h) {
+  check_implicit(name, scene, options("linearly-implicit-euler", h), 4, 1.5);
 }
 
 static void regular_and_shuffled_meshes(void **state) {
   (void)state;
   msim_scene *cloth = hanging_cloth(24, 800, 0.01), *jelly = pinned_block(9, 1, 3000, 0),
              *mesh = random_mesh(400, 1, 0.02);
-  check_implicit("cloth", cloth, 5e-3);
-  check_implicit("jelly", jelly, 5e-3);
-  check_implicit("mesh", mesh, 2e-3);
+  check_linear("cloth", cloth, 5e-3);
+  check_linear("jelly", jelly, 5e-3);
+  check_linear("mesh", mesh, 2e-3);
   plane(cloth, 0, 0, 1, -1e-3, 0.5, 0.3);
-  check_implicit("cloth on a plane", cloth, 5e-3);
+  check_linear("cloth on a plane", cloth, 5e-3);
   msim_scene_destroy(cloth);
   msim_scene_destroy(jelly);
   msim_scene_destroy(mesh);
@@ -89,8 +25,8 @@ static void regular_and_shuffled_meshes(void **state) {
 static void laws_and_angles(void **state) {
   (void)state;
   msim_scene *laws = law_net(90, 600, 0, 0.1, 3), *cloth = bending_cloth(16, 400, 0.01, 0.001);
-  check_implicit("laws", laws, 1e-3);
-  check_implicit("bending cloth", cloth, 5e-3);
+  check_linear("laws", laws, 1e-3);
+  check_linear("bending cloth", cloth, 5e-3);
   msim_scene_destroy(laws);
   msim_scene_destroy(cloth);
 }
@@ -99,8 +35,8 @@ static void laws_and_angles(void **state) {
 static void coarse_spaces(void **state) {
   (void)state;
   msim_scene *cloth = hanging_cloth(48, 20000, 0.01), *jelly = pinned_block(12, 1, 1e5, 0);
-  check_implicit("stiff cloth", cloth, 5e-3);
-  check_implicit("stiff jelly", jelly, 5e-3);
+  check_linear("stiff cloth", cloth, 5e-3);
+  check_linear("stiff jelly", jelly, 5e-3);
   msim_scene_destroy(cloth);
   msim_scene_destroy(jelly);
 }
@@ -150,7 +86,7 @@ static void scalar_matrices(void **state) {
   assert_ok(msim_scene_add_springs(scene, w.nsprings, w.ij, w.k, rest, NULL, err));
   assert_ok(msim_scene_pin(scene, 2, (int32_t[]){0, 15}, err));
   assert_ok(msim_scene_set_gravity(scene, g, err));
-  check_implicit("scalar matrix", scene, 5e-3);
+  check_linear("scalar matrix", scene, 5e-3);
   free(rest);
   msim_scene_destroy(like);
   msim_scene_destroy(scene);

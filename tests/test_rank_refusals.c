@@ -36,11 +36,8 @@ static void options_are_refused_on_all_ranks(void **state) {
   opt.t_end = 1;
   check_refusal(cloth, opt, "auto");
   check_refusal(cloth, options("respa", 1e-3), "respa");
-  check_refusal(cloth, options("implicit-midpoint", 1e-3), "implicit-midpoint");
   opt = options("rk4", 1e-3), opt.tol = 1e-4;
   check_refusal(cloth, opt, "tol");
-  opt = options("rk4", 1e-3), opt.newton_retries = 2;
-  check_refusal(cloth, opt, "newton.retries");
   opt = options("rk4", 1e-3), opt.contacts = MSIM_CONTACTS_ON;
   check_refusal(cloth, opt, "contacts");
   opt = options("linearly-implicit-euler", 1e-3), opt.solver = "cholmod";

@@ -6,7 +6,7 @@
 /* What each rank tells the others */
 typedef struct ms_rank_report {
   msim_status status;
-  uint32_t all, any;
+  ms_agreement bits;
 } ms_rank_report;
 
 ms_ranks *ms_ranks_create(const msim_comm *comm, const msim_allocator *alloc) {
@@ -64,14 +64,16 @@ msim_status ms_ranks_agree_on(ms_ranks *ranks, msim_status status, ms_agreement 
                               msim_error *err) {
   if (!ranks) return status;
   ms_rank_report *all = ranks->reports, own = {.status = status};
-  if (bits) own.all = bits->all, own.any = bits->any;
+  int32_t root = -1;
+  if (bits) own.bits = *bits;
   if (!ranks->failed)
     keep_failure(ranks, ranks->comm->gather(ranks->comm->self, sizeof own, &own, all));
   if (ranks->failed) return report_failure(ranks, err);
-  for (int32_t r = 0; r < ranks->n && bits; r++) bits->all &= all[r].all, bits->any |= all[r].any;
-  for (int32_t r = 0; r < ranks->n; r++)
-    if (all[r].status) return share_message(ranks, r, err);
-  return MSIM_OK;
+  for (int32_t r = 0; r < ranks->n; r++) {
+    if (bits) bits->all &= all[r].bits.all, bits->any |= all[r].bits.any;
+    if (all[r].status && (root < 0 || all[r].bits.precedes > all[root].bits.precedes)) root = r;
+  }
+  return root < 0 ? MSIM_OK : share_message(ranks, root, err);
 }
 
 void ms_ranks_gather(ms_ranks *ranks, int64_t bytes, const void *mine, void *all) {

@@ -26,6 +26,7 @@ void ms_ranks_maximum(ms_ranks *ranks, int32_t n, double *values);
 /* Bits that hold if they hold on all ranks, or on any rank. */
 typedef struct ms_agreement {
   uint32_t all, any;
+  uint32_t precedes; /* 1: a message of this rank goes before those of ranks with 0 */
 } ms_agreement;
 
 /* Returns the status of the first rank whose status is not MSIM_OK, on all ranks, with the message

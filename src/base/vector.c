@@ -134,7 +134,9 @@ int32_t ms_vector_find_largest(ms_shape s, const double *x) {
       const double size = fabs(x[at + (size_t)r]);
       if (size > largest) largest = size, row = r;
     }
-  return row;
+  double most = largest; /* of all ranks */
+  if (s.ranks) ms_ranks_maximum(s.ranks, 1, &most);
+  return largest == most ? row : -1;
 }
 
 double ms_vector_random_entry(uint32_t i) {

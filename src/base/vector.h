@@ -54,7 +54,7 @@ int ms_vector_is_equal(ms_shape s, const double *x, const double *y); /* bit for
 /* Index of the first row that contains NaN or a number beyond MS_LARGEST_VALID; -1: none. */
 int32_t ms_vector_find_invalid(ms_shape s, const double *x);
 
-/* Index of the first row that contains the largest magnitude. */
+/* Index of the first row with the largest magnitude; -1: another rank has it. Collective */
 int32_t ms_vector_find_largest(ms_shape s, const double *x);
 
 /* The i-th entry of a fixed pseudo-random vector, in [-1/2, 1/2), the same on every machine. It has

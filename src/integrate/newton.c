@@ -6,6 +6,7 @@
 #include "linear/jacobi.h"
 #include "physics/nonlinearity.h"
 #include "physics/external_force.h"
+#include "physics/rank_model.h"
 #include "scene/options.h"
 
 /* The matrix of d, and the line search */
@@ -61,16 +62,17 @@ static void evaluate_residual(newton *n) {
 static double velocity_change(const newton *n) {
   const ms_model *model = n->s->model;
   const double *m = model->mass;
-  double mass = 0, force2 = 0; /* sums of m and |F|^2/m, of constant forces F */
-  for (int32_t row = 0; row < n->shape.n; row++) mass += m[row];
+  double sum[2] = {0}; /* of m and |F|^2/m, of constant forces F */
+  for (int32_t row = 0; row < n->shape.n; row++) sum[0] += m[row];
   for (int32_t row = 0; row < n->shape.n && model->force; row++) {
     const double a = ms_model_force_acceleration(model, row);
-    force2 += m[row] * a * a;
+    sum[1] += m[row] * a * a;
   }
+  ms_ranks_sum(n->shape.ranks, 2, sum);
   ms_vector_add_scaled(n->shape, n->stage->v, -1, n->s->v, n->from);
   return fmax(
       newton_norm(n, n->from),
-      n->stage->ah * (sqrt(mass) * ms_external_acceleration(&model->external) + sqrt(force2)));
+      n->stage->ah * (sqrt(sum[0]) * ms_external_acceleration(&model->external) + sqrt(sum[1])));
 }
 
 /* The error of v allowed. Error control may require less than newton.rtol, relative to v itself. */
@@ -210,6 +212,7 @@ static double search_energy(newton *n, int full) {
   const double slope = ms_vector_dot(n->shape, n->b, n->d), size = newton_norm(n, n->d);
   const double drag = ms_external_matrix(&m->external, n->stage->ah);
   const double square = size * size + drag * ms_vector_dot(n->shape, n->d, n->d);
+  ms_rank_model_refresh(m, n->d, NULL);
   sample best = {1, reduction(n, 1, slope, square)}, other = {0};
   int left = ms_solver_can_descend(n->s->solver) ? BETTER : 0;
   for (int i = 0; i < MOST && !full; i++) {
@@ -303,8 +306,10 @@ static double relative_motion(const newton *n, int32_t e) {
 static double limit_rotation(newton *n, int full) {
   const double MOST = 0.25;
   double largest = 0;
+  ms_rank_model_refresh(n->s->model, n->s->x, n->d);
   for (int32_t e = 0; e < n->s->model->springs.n && !full; e++)
     largest = fmax(largest, relative_motion(n, e));
+  ms_ranks_maximum(n->shape.ranks, 1, &largest);
   const double lambda = largest > MOST ? MOST / largest : 1;
   ms_vector_axpy(n->shape, lambda, n->d, n->stage->v);
   evaluate_residual(n);
@@ -400,20 +405,23 @@ static msim_status end_incomplete(newton *n, msim_error *err) {
   return MSIM_OK;
 }
 
-/* 1: a damper c exceeds share ah k, k the stiffness of its spring, and ah c exceeds the mass of a
- * free end. From share = 0.1 on its non-symmetric term is more than a small part of the matrix. */
+/* 1: a damper c of any rank exceeds share ah k, k the stiffness of its spring, and ah c exceeds the
+ * mass of a free end. From share = 0.1 on its non-symmetric term is more than a small part of the
+ * matrix. */
 static int has_strong_dampers(const newton *n, double share) {
   const double ah = n->stage->ah;
   const ms_model *model = n->s->model;
   const ms_springs *s = &model->springs;
+  double found = 0;
   if (!(model->features & MS_HAS_DAMPING)) return 0;
-  for (int32_t e = 0; e < s->n; e++) {
+  for (int32_t e = 0; e < s->n && found == 0; e++) {
     double mass = INFINITY;
     if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);
     if (s->j[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->j[e]]);
-    if (s->damping[e] > share * ah * s->k[e] && ah * s->damping[e] > mass) return 1;
+    found = s->damping[e] > share * ah * s->k[e] && ah * s->damping[e] > mass;
   }
-  return 0;
+  ms_ranks_maximum(n->shape.ranks, 1, &found);
+  return found > 0;
 }
 
 /* Starts from the guess in v, or, as strong dampers stop motion within a step, from the v that does

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/ranks.h"
+
 enum { CHUNK = 128 }; /* slice ranges in a chunk of work */
 
 msim_status ms_compression_create(const ms_model *model, ms_compression *c, msim_error *err) {
@@ -116,6 +118,7 @@ int ms_compression_reduce(ms_compression *c, const double *p, float *coefficient
   double largest = 0;
   const int32_t chunks = compression_run(find_largest_chunk, &j);
   for (int32_t i = 0; i < chunks; i++) largest = fmax(largest, c->largest[i]);
+  ms_ranks_maximum(c->model->shape.ranks, 1, &largest);
   if (!(largest > 0)) return 0;
   j.threshold = LITTLE * largest;
   compression_run(halve_chunk, &j);

@@ -27,7 +27,7 @@ void ms_compression_reset(ms_compression *c);
 void ms_compression_carry_over(ms_compression *c, float *coefficients);
 
 /* Given p.A p <= 0, halve t < 0 in the springs that contribute to that at least a thousandth of the
- * largest contribution. Returns 0 if none contributes. */
+ * largest contribution of any rank. Returns 0 if none contributes; collective. */
 int ms_compression_reduce(ms_compression *c, const double *p, float *coefficients);
 
 #endif

@@ -5,7 +5,7 @@
 
 msim_status ms_elimination_create(const ms_model *model, ms_elimination *e, msim_error *err) {
   const size_t n = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
-  if (n > MS_ELIMINATION_MAX_UNKNOWNS) return MSIM_OK;
+  if (n > MS_ELIMINATION_MAX_UNKNOWNS || model->shape.ranks) return MSIM_OK;
   ms_sparse_graph graph;
   msim_status status = ms_sparse_matrix_create_graph(model, &graph, err);
   if (!status)

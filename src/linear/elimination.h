@@ -17,7 +17,7 @@ typedef struct ms_elimination {
   double *packed;          /* b, then y, in the order of the matrix */
 } ms_elimination;
 
-/* With more than MS_ELIMINATION_MAX_UNKNOWNS unknowns, e->a stays NULL. */
+/* With more than MS_ELIMINATION_MAX_UNKNOWNS unknowns, or several ranks, e->a stays NULL. */
 msim_status ms_elimination_create(const ms_model *model, ms_elimination *e, msim_error *err);
 void ms_elimination_destroy(const ms_model *model, ms_elimination *e);
 

@@ -188,7 +188,8 @@ static void sum_nonlinearities(void *data, int32_t begin, int32_t end) {
     load_edges(j->model, e, j->v, u[0], u[1]);
     for (int i = 0; i < 2; i++)
       for (int c = 0; c < 3; c++) u[i][c] *= j->by;
-    sum += find_nonlinearity(&s, (const double(*)[3])edge, (const double(*)[3])u);
+    sum += ms_unknowns_own_share(&j->model->unknowns, 3, j->model->angles.row + 3 * (size_t)e) *
+           find_nonlinearity(&s, (const double(*)[3])edge, (const double(*)[3])u);
   }
   j->model->angles.sum[begin / MS_ANGLE_CHUNK] = sum;
 }

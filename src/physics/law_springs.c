@@ -302,6 +302,11 @@ static void find_extensions(const law_job *j, const ms_law_run *run, const ms_la
   }
 }
 
+static double share_of(const ms_model *model, int32_t slot) {
+  const int32_t ends[2] = {model->laws->i[slot], model->laws->j[slot]};
+  return ms_unknowns_own_share(&model->unknowns, 2, ends);
+}
+
 /* Small extensions by Gauss's rule of 3 points for the integral, where the difference of energies
  * has fewer than half its digits; it is exact for polynomials f of degree up to 5. */
 static void sum_run_nonlinearity(void *data, int32_t item) {
@@ -328,8 +333,8 @@ static void sum_run_nonlinearity(void *data, int32_t item) {
     const double linear = at.at.force[e] * by[e].whole;
     const double difference = moved.energy[e] - at.at.energy[e] - linear;
     const double size = fabs(moved.energy[e]) + fabs(at.at.energy[e]) + fabs(linear);
-    sum +=
-        at.at.force[e] * by[e].more + (fabs(difference) > 1e-8 * size ? difference : integral[e]);
+    const double along = fabs(difference) > 1e-8 * size ? difference : integral[e];
+    sum += share_of(j->model, run->begin + e) * (at.at.force[e] * by[e].more + along);
   }
   j->model->laws->sum[item] = sum;
 }

@@ -1,5 +1,6 @@
 #include "physics/nonlinearity.h"
 
+#include "base/ranks.h"
 #include "physics/angle_springs.h"
 #include "physics/law_springs.h"
 #include "physics/matrix_kernels.h"
@@ -28,5 +29,7 @@ double ms_nonlinearity_compute(const ms_model *model, const double *x, double h,
   const int32_t chunks = ms_pool_run_chunks(model->pool, sum_nonlinearity_chunk, &j, n, j.chunk);
   for (int32_t i = 0; i < chunks; i++) sum += work[i];
   if (model->laws) sum += ms_law_springs_nonlinearity(model, x, d, lambda * h);
-  return sum + ms_angle_springs_nonlinearity(model, x, d, lambda * h);
+  sum += ms_angle_springs_nonlinearity(model, x, d, lambda * h);
+  ms_ranks_sum(model->shape.ranks, 1, &sum);
+  return sum;
 }

@@ -8,7 +8,8 @@
 
 #include "physics/model.h"
 
-/* d must be 0 on pinned rows. work: scratch, a vector. */
+/* d must be 0 on pinned rows, and ghosts of x and d current (halo.h); collective. work: scratch, a
+ * vector. */
 double ms_nonlinearity_compute(const ms_model *model, const double *x, double h, const double *d,
                                double lambda, double *work);
 

@@ -49,6 +49,12 @@ static void restore_step_start(ms_stepper *s, const ms_stepper *start) {
   s->cached_stage = 0;
 }
 
+/* Ranks go on together or fail together; on a step that is made but once the driver agrees. */
+static msim_status agree_on_substep(const msim_sim *sim, msim_status status, msim_error *err) {
+  const int is_once = !ms_sim_has_control(sim) && ms_island_step_count_retries(sim) == 0;
+  return is_once ? status : ms_ranks_agree(sim->ranks, status, err);
+}
+
 msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int64_t n,
                                          msim_error *err) {
   const ms_stepper start = *s;
@@ -60,7 +66,7 @@ msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int
   double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     if (i > 0) begin_next_substep(s, &start);
-    status = step_checked(sim, s, err);
+    status = agree_on_substep(sim, step_checked(sim, s, err), err);
     if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
   }
   s->impact = impact;
@@ -72,10 +78,10 @@ int ms_island_step_may_retry(msim_status status) {
   return status == MSIM_NOT_CONVERGED || status == MSIM_NOT_FINITE;
 }
 
-/* 0 if the method carries variables that depend on h, or ranks would have to agree. */
+/* 0 if the method carries variables that depend on h. */
 int32_t ms_island_step_count_retries(const msim_sim *sim) {
   enum { USUAL = 6 };
-  if (sim->config.integrator->convert_state || sim->part) return 0;
+  if (sim->config.integrator->convert_state) return 0;
   if (sim->config.opt.newton_retries >= 0) return sim->config.opt.newton_retries;
   const ms_integrator *method = sim->config.integrator;
   const int may_gain_energy = method->entry.implicit && sim->scene->ncolliders > 0 &&

@@ -56,8 +56,6 @@ static refusal find_refused_option(const msim_sim *sim) {
   if (opt->collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene))
     return (refusal){"collision = event", "use collision = reflect"};
   if (opt->contacts != MSIM_CONTACTS_OFF) return (refusal){"contacts = on", "use contacts = off"};
-  if (opt->newton_retries > 0)
-    return (refusal){"newton.retries", "set newton.retries = 0, and a shorter h"};
   if (ms_scene_breaks(sim->scene))
     return (refusal){"springs that break", "use laws without break_strain and break_force"};
   if (sim->config.integrator->entry.implicit) return find_refused_system(sim);
@@ -68,7 +66,7 @@ msim_status ms_rank_sim_check(msim_sim *sim, msim_error *err) {
   if (!sim->part) return MSIM_OK;
   const ms_integrator *method = sim->config.integrator;
   const int32_t n = sim->part->ranks->n;
-  if (ms_sim_selects(sim) || method->is_multirate || method->nonlinear)
+  if (ms_sim_selects(sim) || method->is_multirate)
     return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
                         "%d ranks do not support integrator '%s'; use velocity-verlet, "
                         "linearly-implicit-euler, or one process",
@@ -104,6 +102,9 @@ static uint64_t hash_sim(const msim_sim *sim) {
                             opt->watch,
                             opt->solver_rtol,
                             opt->solver_max_iterations,
+                            opt->newton_rtol,
+                            opt->newton_max_iterations,
+                            opt->newton_retries,
                             opt->jacobian,
                             opt->indefinite,
                             opt->incomplete,
@@ -152,18 +153,23 @@ msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err) {
 /*------------------------------------- steps ----------------------------------------------------*/
 
 /* Bits of ms_agreement */
-enum { RESTS = 1, STOPS = 2, INCOMPLETE = 4 };
+enum { RESTS = 1, STOPS = 2, INCOMPLETE = 4, CACHES_NOTHING = 8 };
 
-/* A rank has one island. */
+/* A rank has one island. The rank that has the offending particle reports it. Where a failed force
+ * function has left no cached stages on one rank, no rank goes on from its own. */
 msim_status ms_rank_sim_agree_on_step(msim_sim *sim, msim_status status, msim_error *err) {
   if (!sim->part) return status;
   ms_island_sim *m = sim->islands;
-  ms_agreement bits = {
-      .all = m->at_rest_next ? RESTS : 0,
-      .any = (atomic_load(&sim->stop) ? STOPS : 0) | (m->stepper.incomplete ? INCOMPLETE : 0)};
+  const ms_stepper *s = &m->stepper;
+  ms_agreement bits = {.all = m->at_rest_next ? RESTS : 0,
+                       .any = (atomic_load(&sim->stop) ? STOPS : 0) |
+                              (s->incomplete ? INCOMPLETE : 0) |
+                              (s->cached_stage ? 0 : CACHES_NOTHING),
+                       .precedes = s->offender >= 0};
   status = ms_ranks_agree_on(sim->ranks, status, &bits, err);
   m->at_rest_next = (bits.all & RESTS) != 0;
   m->stepper.incomplete = (bits.any & INCOMPLETE) != 0;
+  if (bits.any & CACHES_NOTHING) m->stepper.cached_stage = 0;
   sim->ranks_stop = (bits.any & STOPS) != 0;
   return status;
 }
