@@ -191,7 +191,7 @@ static void spin_is_continuous_in_the_angle(void **state) {
   }
 }
 
-/* Between surfaces of two velocities: along each normal that of its surface, across both the mean */
+/* Of surfaces with two velocities: along each normal that of its surface, across both the mean */
 static void two_moving_surfaces_share_a_frame(void **state) {
   (void)state;
   unsigned seed = 7;
