@@ -327,6 +327,23 @@ static msim_scene *small_scene(const msim_allocator *alloc) {
   return scene;
 }
 
+/* Also by loading a checkpoint, in which the allocation `fail_at` may be */
+static msim_status make_and_load(const msim_scene *scene, const msim_options *opt, msim_sim **sim,
+                                 msim_error *why) {
+  char bytes[8192];
+  size_t length;
+  msim_status status = msim_sim_create(scene, opt, sim, why);
+  if (status) return status;
+  if (msim_sim_step(*sim, 2, why) || msim_sim_save(*sim, bytes, sizeof bytes, &length, why))
+    return MSIM_ERR_ARG;
+  status = msim_sim_load(*sim, bytes, length, why);
+  if (!status) return MSIM_OK;
+  if (msim_sim_step(*sim, 1, NULL)) return MSIM_ERR_ARG; /* the sim is as before */
+  msim_sim_destroy(*sim);
+  *sim = NULL;
+  return status;
+}
+
 static const char *check_memory(msim_comm *comm, void *data) {
   memory_case *c = data;
   counting_allocator count = {.fail_at = -1};
@@ -339,7 +356,7 @@ static const char *check_memory(msim_comm *comm, void *data) {
   opt.comm = comm, opt.threads = 1;
   if (comm->rank == c->rank) count.fail_at = count.calls + c->fail_at;
   const int64_t before = count.live;
-  const msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+  const msim_status status = make_and_load(scene, &opt, &sim, &why);
   count.fail_at = -1;
   EXPECT(status == MSIM_OK || status == MSIM_ERR_MEMORY);
   EXPECT(!status == !!sim && (!status || strstr(why.text, "out of memory")));

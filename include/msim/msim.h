@@ -335,7 +335,8 @@ MSIM_API msim_status msim_sim_break(msim_sim *sim, int32_t n, const int32_t *spr
 /* Save a checkpoint: all data that further steps depend on, so that another sim can continue with
  * the same bits, with any method, solver and error control, and with the same counts in stats
  * (except for times). The caller provides the memory. The data include a format identifier and a
- * hash of all bytes. Saving changes nothing, also inside the observer of msim_sim_run.
+ * hash of all bytes. Saving changes nothing, also inside the observer of msim_sim_run. Several
+ * ranks get the same bytes, which describe the whole scene: any number of them may continue.
  * msim_sim_save_size is an upper bound of `length`, valid until a state or springs are set, pinned
  * particles or colliders are moved, or the sim is edited. MSIM_ERR_ARG: capacity is too small. */
 MSIM_API size_t msim_sim_save_size(const msim_sim *sim);
@@ -451,8 +452,8 @@ MSIM_API void msim_comm_close(msim_comm *comm);
  * msim_options.recorders, .csv, .html and .pvd (built in), .vtkhdf (plugin hdf5), or the plugin
  * with that name, see recorder.h. Its functions also return plugin statuses. It must be closed
  * before its sim is destroyed.
- * Where several ranks share the scene, all call its functions, and rank 0 alone has the file: under
- * its path, without checkpoints; no file can be resumed. */
+ * Where several ranks share the scene, all call its functions, and rank 0 alone has the file, which
+ * any number of ranks resumes. */
 typedef struct msim_recorder msim_recorder;
 
 /* Open a file for the frames that the options of the sim define. The file appears under its name as

@@ -21,9 +21,10 @@ void ms_archive_transfer_count(ms_archive *b, int64_t *count) {
 void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, double *x) {
   for (int32_t c = 0; c < shape.dims; c++) {
     double *component = x ? x + (size_t)c * (size_t)shape.stride : NULL;
-    ms_archive_transfer(b, component, (size_t)shape.n * sizeof *x);
+    if (b->rows) b->rows->transfer(b, component);
+    else ms_archive_transfer(b, component, (size_t)shape.n * sizeof *x);
   }
-  if (b->direction == MS_ARCHIVE_READ)
+  if (b->direction == MS_ARCHIVE_READ && !b->rows)
     ms_archive_check(b, ms_vector_find_invalid(shape, x) < 0, "a vector of the state");
 }
 

@@ -11,6 +11,8 @@
 
 #include "base/vector.h"
 
+struct ms_archive;
+
 typedef enum ms_archive_mode {
   MS_ARCHIVE_COUNT,
   MS_ARCHIVE_WRITE,
@@ -18,12 +20,21 @@ typedef enum ms_archive_mode {
   MS_ARCHIVE_COMPARE /* the data with the bytes; neither changes */
 } ms_archive_mode;
 
+/* Vectors whose rows several ranks have, of which the bytes contain all */
+typedef struct ms_archive_rows {
+  int32_t n; /* on all ranks */
+  /* Pass these rows of one component, of which this rank has its own; collective. Values read are
+   * checked like those of other vectors. */
+  void (*transfer)(struct ms_archive *b, double *component);
+} ms_archive_rows;
+
 typedef struct ms_archive {
   ms_archive_mode direction;
   unsigned char *data;      /* COUNT: NULL. READ, COMPARE: only read from */
   size_t size, position;    /* used > size: the buffer is too small, the excess was not copied */
   const char *invalid_item; /* READ: the first item that is invalid; NULL: none */
   int differs;              /* COMPARE: data and bytes differ */
+  ms_archive_rows *rows;    /* NULL: this process has all rows */
 } ms_archive;
 
 void ms_archive_transfer(ms_archive *b, void *data, size_t size);

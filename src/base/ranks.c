@@ -76,6 +76,19 @@ msim_status ms_ranks_agree_on(ms_ranks *ranks, msim_status status, ms_agreement 
   return root < 0 ? MSIM_OK : share_message(ranks, root, err);
 }
 
+/* Both halves are exact as doubles: they are equal where maximum and minimum are. */
+int ms_ranks_have_same(ms_ranks *ranks, uint64_t number) {
+  const double high = (double)(number >> 32), low = (double)(number & UINT32_MAX);
+  double most[] = {high, low, -high, -low};
+  ms_ranks_maximum(ranks, 4, most);
+  return most[0] == -most[2] && most[1] == -most[3];
+}
+
+void ms_ranks_broadcast(ms_ranks *ranks, int32_t root, int64_t bytes, void *data) {
+  if (ranks && !ranks->failed)
+    keep_failure(ranks, ranks->comm->broadcast(ranks->comm->self, root, bytes, data));
+}
+
 void ms_ranks_gather(ms_ranks *ranks, int64_t bytes, const void *mine, void *all) {
   const msim_comm *c = ranks->comm;
   if (!ranks->failed) keep_failure(ranks, c->gather(c->self, bytes, mine, all));

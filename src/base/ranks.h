@@ -38,7 +38,11 @@ static inline msim_status ms_ranks_agree(ms_ranks *ranks, msim_status status, ms
   return ranks ? ms_ranks_agree_on(ranks, status, NULL, err) : status;
 }
 
+/* 1: the number is the same on all ranks. */
+int ms_ranks_have_same(ms_ranks *ranks, uint64_t number);
+
 /* As in msim_comm; a failure is kept for the next agreement. */
+void ms_ranks_broadcast(ms_ranks *ranks, int32_t root, int64_t bytes, void *data);
 void ms_ranks_gather(ms_ranks *ranks, int64_t bytes, const void *mine, void *all);
 void ms_ranks_gather_parts(ms_ranks *ranks, const int64_t *bytes, const void *mine, void *all);
 void ms_ranks_all_to_all(ms_ranks *ranks, const int64_t *send_bytes, const void *send,

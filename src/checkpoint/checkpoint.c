@@ -12,14 +12,18 @@
  *   islands      at rest or not; the stepper (integrate/method_state.h), its error scales, the
  *                solver (linear/solver_state.c); the last good state, if it is another one
  *
+ * Ranks have the same bytes as one process but for counts and bounds of their own: islands and rows
+ * are those of one process (rank_rows.h), and there is no solver, whose factors depend on N.
  * Everything else is computed anew: models, the order of their unknowns, split springs, analyses
  * and aggregates follow from scene and options; so do bounds, and the plan except its end. */
+#include "checkpoint/checkpoint.h"
+
 #include <string.h>
 
 #include "checkpoint/fingerprint.h"
+#include "checkpoint/rank_rows.h"
 #include "checkpoint/restore.h"
 #include "checkpoint/saved_scene.h"
-#include "sim/rank_sim.h"
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
@@ -74,7 +78,10 @@ static size_t reserve_for_impacts(const msim_sim *sim) {
 }
 
 size_t msim_sim_save_size(const msim_sim *sim) {
-  ms_archive b = {.direction = MS_ARCHIVE_COUNT, .position = sizeof(header)};
+  ms_rank_rows rows;
+  ms_archive b = {.direction = MS_ARCHIVE_COUNT,
+                  .position = sizeof(header),
+                  .rows = ms_rank_rows_begin(&rows, sim->part)};
   ms_saved_run r = ms_saved_run_collect(sim);
   r.saves_last_step = ms_options_have_frame_times(&sim->config.opt);
   ms_fingerprint_list(sim, write_entry, &b);
@@ -83,29 +90,48 @@ size_t msim_sim_save_size(const msim_sim *sim) {
   return b.position;
 }
 
+/* Write all but the header. */
+static void write_bytes(ms_archive *b, msim_sim *sim, header *h) {
+  ms_saved_run_prepare_islands(sim);
+  ms_saved_run r = ms_saved_run_collect(sim);
+  ms_ranks_broadcast(sim->ranks, 0, sizeof r.stats, &r.stats); /* some are of each rank */
+  MS_ARCHIVE_TRANSFER(b, *h);
+  ms_fingerprint_hash_scene(sim);
+  ms_fingerprint_list(sim, write_entry, b);
+  h->fingerprint = b->position - sizeof *h;
+  write_sim(b, sim, &r);
+  h->length = b->position;
+}
+
+msim_status ms_checkpoint_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
+                               msim_error *err) {
+  ms_rank_rows rows;
+  ms_archive b = {.direction = MS_ARCHIVE_WRITE,
+                  .data = to,
+                  .size = to ? capacity : 0,
+                  .rows = ms_rank_rows_begin(&rows, sim->part)};
+  header h = {.magic = MAGIC, .order = ORDER, .version = VERSION};
+  msim_status status = MSIM_OK;
+  write_bytes(&b, sim, &h);
+  if (to && b.position > capacity)
+    status =
+        ms_error_set(err, MSIM_ERR_ARG,
+                     "the checkpoint needs %zu bytes, but capacity is %zu; use msim_sim_save_size",
+                     b.position, capacity);
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (status) return status;
+  *length = b.position;
+  if (to) {
+    h.hash = hash_of(&h, to);
+    memcpy(to, &h, sizeof h);
+  }
+  return ms_error_clear(err);
+}
+
 msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                           msim_error *err) {
   if (!sim || !to || !length) return ms_error_set(err, MSIM_ERR_ARG, "sim, to or length is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_save", err);
-  if (refused) return refused;
-  ms_archive b = {.direction = MS_ARCHIVE_WRITE, .data = to, .size = capacity};
-  header h = {.magic = MAGIC, .order = ORDER, .version = VERSION};
-  ms_saved_run_prepare_islands(sim);
-  ms_saved_run r = ms_saved_run_collect(sim);
-  MS_ARCHIVE_TRANSFER(&b, h);
-  ms_fingerprint_hash_scene(sim);
-  ms_fingerprint_list(sim, write_entry, &b);
-  h.fingerprint = b.position - sizeof h;
-  write_sim(&b, sim, &r);
-  if (b.position > capacity)
-    return ms_error_set(
-        err, MSIM_ERR_ARG,
-        "the checkpoint needs %zu bytes, but capacity is %zu; use msim_sim_save_size", b.position,
-        capacity);
-  h.length = *length = b.position;
-  h.hash = hash_of(&h, to);
-  memcpy(to, &h, sizeof h);
-  return ms_error_clear(err);
+  return ms_checkpoint_save(sim, to, capacity, length, err);
 }
 
 /*------------------------------------- load -----------------------------------------------------*/
@@ -135,20 +161,32 @@ static msim_status check_bytes(const void *from, size_t length, header *h, msim_
   return MSIM_OK;
 }
 
+/* Check that the bytes are a checkpoint of this scene and options, and the same on all ranks. */
+static msim_status check_checkpoint(msim_sim *sim, const void *from, size_t length, header *h,
+                                    msim_error *err) {
+  msim_status status = check_bytes(from, length, h, err);
+  ms_fingerprint_hash_scene(sim);
+  if (!status)
+    status =
+        ms_fingerprint_compare(sim, (const char *)from + sizeof *h, (size_t)h->fingerprint, err);
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (status || !sim->ranks || ms_ranks_have_same(sim->ranks, h->hash)) return status;
+  return ms_error_set(err, MSIM_ERR_ARG,
+                      "the %d ranks load different checkpoints; give all of them the same bytes",
+                      sim->ranks->n);
+}
+
 msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err) {
   if (!sim || !from) return ms_error_set(err, MSIM_ERR_ARG, "sim or from is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_load", err);
-  if (refused) return refused;
   header h;
-  msim_status status = check_bytes(from, length, &h, err);
-  if (status) return status;
-  ms_fingerprint_hash_scene(sim);
-  status = ms_fingerprint_compare(sim, (const char *)from + sizeof h, (size_t)h.fingerprint, err);
+  ms_rank_rows rows;
+  msim_status status = check_checkpoint(sim, from, length, &h, err);
   if (status) return status;
   ms_archive b = {.direction = MS_ARCHIVE_READ,
                   .data = (unsigned char *)(uintptr_t)from,
                   .size = length,
-                  .position = sizeof h + (size_t)h.fingerprint};
+                  .position = sizeof h + (size_t)h.fingerprint,
+                  .rows = ms_rank_rows_begin(&rows, sim->part)};
   status = ms_restore_run(sim, &b, err);
   if (status) return status;
   ms_step_limit_warn(sim);

@@ -217,9 +217,10 @@ static int is_ignored(const char *name) {
   return 0;
 }
 
-/* The options as the caller gave them, where `auto` has replaced some. */
+/* The options as the caller gave them, where `auto` or ranks have replaced some. */
 static msim_options requested_options(const msim_sim *sim) {
   msim_options opt = sim->config.opt;
+  opt.solver = sim->solver;
   if (ms_sim_selects(sim)) {
     opt.integrator = MS_AUTO, opt.tol = sim->config.choice.tol, opt.h = MSIM_H_AUTO;
     opt.collision = sim->config.choice.collision;

@@ -6,6 +6,7 @@
 #include "checkpoint/saved_scene.h"
 #include "layout/planar.h"
 #include "sim/frames.h"
+#include "sim/rank_sim.h"
 
 /*------------------------------------- checks ---------------------------------------------------*/
 
@@ -122,11 +123,13 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const ms_saved_run
   if (there || scene->broken) ms_sim_replace_scene(sim, scene);
   ms_sim_start_islands(sim, &start);
   status = ms_saved_run_archive_islands(b, sim, r, err);
-  if (!status && (ms_archive_failed(b) || b->position != b->size)) return refuse_bytes(b, err);
-  return status <= 0
-             ? status
-             : ms_error_set(err, MSIM_ERR_ARG,
-                            "the checkpoint's matrix factorization could not be recomputed");
+  if (!status && (ms_archive_failed(b) || b->position != b->size)) status = refuse_bytes(b, err);
+  if (status > 0)
+    status = ms_error_set(err, MSIM_ERR_ARG,
+                          "the checkpoint's matrix factorization could not be recomputed");
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (!status) ms_energy_monitor_finish_reading(sim, r->monitor.good.step == r->run.step);
+  return status;
 }
 
 /* If frames have the same times their count goes on, else it starts at the time shown last. */
@@ -164,14 +167,23 @@ static int islands_fit(const msim_sim *sim, const ms_saved_run *r) {
   const ms_stepper *first = &sim->islands->stepper;
   return !ms_sim_selects(sim) && !sim->chosen_for && !r->other_springs &&
          sim->islands->model.unknowns.dropped_axis == r->left_out &&
-         (!first->solver || first->solver->creation_h == r->solver_h) &&
+         (!first->solver || r->solver_h == 0 || first->solver->creation_h == r->solver_h) &&
          (!sim->config.integrator->is_multirate || first->h == r->run.h);
 }
 
-/* 1: read to the last byte */
+/* 1: read to the last byte, on all ranks */
 static int read_all_islands(msim_sim *sim, ms_archive *b, const ms_saved_run *r) {
-  return !ms_saved_run_archive_islands(b, sim, r, NULL) && !ms_archive_failed(b) &&
-         b->position == b->size;
+  const int done = !ms_saved_run_archive_islands(b, sim, r, NULL) && !ms_archive_failed(b) &&
+                   b->position == b->size;
+  if (ms_ranks_agree(sim->ranks, done ? MSIM_OK : MSIM_ERR_ARG, NULL)) return 0;
+  ms_energy_monitor_finish_reading(sim, r->monitor.good.step == r->run.step);
+  return 1;
+}
+
+/* Without a saved state solvers begin anew. */
+static void discard_factors(msim_sim *sim, const ms_saved_run *r) {
+  for (int32_t i = 0; i < sim->nislands && (sim->part || r->solver_h == 0); i++)
+    if (sim->islands[i].stepper.solver) ms_solver_discard_factors(sim->islands[i].stepper.solver);
 }
 
 /* Read the islands in use; on failure, 0, they and b stay as they were. now: the present run.
@@ -181,12 +193,19 @@ static int read_islands_in_use(msim_sim *sim, ms_archive *b, ms_saved_run *r, ms
   ms_archive undo;
   const size_t start = b->position;
   r->in_use = now->in_use = 1;
-  if (ms_saved_run_pack_islands(sim, now, &undo, NULL)) return 0;
+  msim_status status = ms_saved_run_pack_islands(sim, now, &undo, NULL);
+  status = ms_ranks_agree(sim->ranks, status, NULL);
+  if (status) {
+    ms_memory_free(&sim->alloc, undo.data);
+    return 0;
+  }
   if (sim->scene->broken) ms_sim_replace_scene(sim, sim->scene); /* others are broken */
   const int done = read_all_islands(sim, b, r);
   if (!done) {
     b->position = start, b->invalid_item = NULL;
     read_all_islands(sim, &undo, now);
+  } else {
+    discard_factors(sim, r);
   }
   ms_memory_free(&sim->alloc, undo.data);
   r->in_use = 0;
@@ -289,6 +308,13 @@ static msim_status restore_with_scene(msim_sim *sim, ms_archive *b, const ms_sav
   return status;
 }
 
+/* Ranks divide the scene that they were created with. */
+static msim_status check_ranks(const msim_sim *sim, const ms_saved_run *r, int32_t changed,
+                               msim_error *err) {
+  if (!changed && !r->other_springs) return MSIM_OK;
+  return ms_rank_sim_refuse(sim, "the checkpoint of a scene that was changed", err);
+}
+
 msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   ms_saved_run_prepare_islands(sim);
   const msim_allocator alloc = sim->alloc;
@@ -301,6 +327,8 @@ msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   if (!status && scene) status = read_broken(b, scene, &broken, err);
   if (ms_archive_failed(b)) status = refuse_bytes(b, err);
   if (!status) status = ms_sim_reserve_state(sim, scene->nparticles, err);
+  if (!status) status = check_ranks(sim, &r, changed, err);
+  status = ms_ranks_agree(sim->ranks, status, err);
   if (!status) status = restore_with_scene(sim, b, &r, scene, &broken, err);
   ms_memory_free(&alloc, broken);
   if (status) {

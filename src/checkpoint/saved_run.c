@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "checkpoint/rank_rows.h"
 #include "choose/method_choice.h"
 #include "integrate/method_state.h"
 #include "linear/solver_state.h"
@@ -16,7 +17,7 @@ ms_saved_run ms_saved_run_collect(const msim_sim *sim) {
                         .fps = sim->config.opt.fps,
                         .t_end = sim->config.plan.t_end,
                         .every = sim->config.opt.every,
-                        .solver_h = solver ? solver->creation_h : 0,
+                        .solver_h = solver && !sim->part ? solver->creation_h : 0,
                         .left_out = sim->islands->model.unknowns.dropped_axis,
                         .saves_last_step = ms_step_driver_has_frame_inside(sim),
                         .h_from_auto = sim->config.step_limit.from_auto,
@@ -95,28 +96,67 @@ static void archive_scales(ms_archive *b, ms_norm *norm) {
   }
 }
 
+/* Ranks save none, as the factors of each depend on their number; they pass over that of one
+ * process. */
+static msim_status archive_solver(ms_archive *b, ms_solver *solver, const ms_saved_run *r,
+                                  msim_error *err) {
+  const int there = solver && MS_ARCHIVE_OPTIONAL(b, r->solver_h > 0) && !ms_archive_failed(b);
+  if (there && b->rows && b->direction == MS_ARCHIVE_READ)
+    ms_solver_state_skip(b, solver, b->rows->n);
+  else if (there) return ms_solver_state_archive(b, solver, r->in_use, err);
+  return MSIM_OK;
+}
+
+/* order: hash of the particles of all rows */
+static msim_status archive_island(ms_archive *b, msim_sim *sim, const ms_saved_run *r,
+                                  ms_island_sim *m, uint64_t order, msim_error *err) {
+  const uint64_t here = order;
+  MS_ARCHIVE_TRANSFER(b, order);
+  MS_ARCHIVE_TRANSFER(b, m->at_rest);
+  ms_archive_check(b, order == here, "the order of particles");
+  ms_archive_check(b, (m->at_rest | 1) == 1, "the flag of rest");
+  ms_method_state_archive(b, sim->config.integrator, &m->stepper, r->saves_last_step);
+  archive_scales(b, &m->norm);
+  const msim_status status = archive_solver(b, m->stepper.solver, r, err);
+  if (!status && !ms_archive_failed(b))
+    ms_energy_monitor_archive_island(b, sim, r->monitor.good.step == r->run.step, &m->stepper,
+                                     &m->last_good);
+  if (ms_sim_selects(sim)) ms_step_verification_archive_island(b, &m->verification);
+  ms_error_growth_archive_island(b, m);
+  return status;
+}
+
+/* The only island of a rank has the flags that all islands of the checkpoint share: what rests in
+ * some of them, or is cached in some, is computed again in all. */
+static void share_flags(const ms_island_sim *before, ms_island_sim *m) {
+  m->at_rest &= before->at_rest;
+  m->last_good.at_rest &= before->last_good.at_rest;
+  if (m->stepper.cached_stage != before->stepper.cached_stage) m->stepper.cached_stage = 0;
+  if (m->last_good.tag != before->last_good.tag) m->last_good.tag = 0;
+}
+
+/* Of one process, by the rows that this rank has of them */
+static msim_status archive_whole_islands(ms_archive *b, msim_sim *sim, const ms_saved_run *r,
+                                         msim_error *err) {
+  const ms_whole_islands *whole = &sim->part->whole;
+  ms_island_sim *m = sim->islands;
+  msim_status status = MSIM_OK;
+  for (int32_t i = 0; i < whole->n && !status && !ms_archive_failed(b); i++) {
+    const ms_island_sim before = *m;
+    ms_rank_rows_select((ms_rank_rows *)b->rows, i);
+    status = archive_island(b, sim, r, m, whole->hash[i], err);
+    if (b->direction == MS_ARCHIVE_READ && i > 0) share_flags(&before, m);
+  }
+  return status;
+}
+
 msim_status ms_saved_run_archive_islands(ms_archive *b, msim_sim *sim, const ms_saved_run *r,
                                          msim_error *err) {
   msim_status status = MSIM_OK;
+  if (b->rows) return archive_whole_islands(b, sim, r, err);
   for (int32_t i = 0; i < sim->nislands && !status && !ms_archive_failed(b); i++) {
     ms_island_sim *m = &sim->islands[i];
-    const ms_unknowns *rows = &m->model.unknowns;
-    const uint64_t here =
-        ms_archive_hash(0, rows->particle, (size_t)rows->stride * sizeof *rows->particle);
-    uint64_t order = here;
-    MS_ARCHIVE_TRANSFER(b, order);
-    MS_ARCHIVE_TRANSFER(b, m->at_rest);
-    ms_archive_check(b, order == here, "the order of particles");
-    ms_archive_check(b, (m->at_rest | 1) == 1, "the flag of rest");
-    ms_method_state_archive(b, sim->config.integrator, &m->stepper, r->saves_last_step);
-    archive_scales(b, &m->norm);
-    if (m->stepper.solver && !ms_archive_failed(b))
-      status = ms_solver_state_archive(b, m->stepper.solver, r->in_use, err);
-    if (!status && !ms_archive_failed(b))
-      ms_energy_monitor_archive_island(b, sim, r->monitor.good.step == r->run.step, &m->stepper,
-                                       &m->last_good);
-    if (ms_sim_selects(sim)) ms_step_verification_archive_island(b, &m->verification);
-    ms_error_growth_archive_island(b, m);
+    status = archive_island(b, sim, r, m, ms_unknowns_hash(&m->model.unknowns), err);
   }
   return status;
 }

@@ -12,7 +12,7 @@ typedef struct ms_saved_run {
   double t0;
   double fps, t_end; /* with `every`: these number the frames */
   int64_t every;
-  double solver_h; /* s: solvers were chosen for this h; 0: no solver */
+  double solver_h; /* s: solvers were chosen for this h; 0: no solver, or none is saved */
   int32_t left_out;
   int32_t saves_last_step; /* 1: a frame lies inside the last step, which is saved, too */
   int32_t h_from_auto;     /* 1: h was chosen from the stability limit */
@@ -34,7 +34,8 @@ void ms_saved_run_prepare_islands(msim_sim *sim);
 void ms_saved_run_archive(ms_archive *b, const msim_sim *sim, ms_saved_run *r);
 
 /* All islands: state, method, solver, last good state. r: that of the run, which was read before.
- * After an error or with invalid bytes (ms_archive_failed) the sim must not be used. */
+ * After an error or with invalid bytes (ms_archive_failed) the sim must not be used. With b->rows
+ * (rank_rows.h) the islands are those of one process, else those of this sim. */
 msim_status ms_saved_run_archive_islands(ms_archive *b, msim_sim *sim, const ms_saved_run *r,
                                          msim_error *err);
 

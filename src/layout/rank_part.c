@@ -14,7 +14,9 @@ static int is_own(const ms_rank_part *part, int32_t p) {
 static int create_scratch(const ms_scene *scene, ms_rank_part *part) {
   const size_t n = (size_t)part->ranks->n;
   size_t own = 0, all = 0;
-  if (!MS_NEW(&scene->alloc, part->bytes, n) || !MS_NEW(&scene->alloc, part->next, n)) return 0;
+  if (!MS_NEW(&scene->alloc, part->bytes, n) || !MS_NEW(&scene->alloc, part->next, n) ||
+      !MS_NEW(&scene->alloc, part->island_bytes, n))
+    return 0;
   for (int32_t p = 0; p < scene->nparticles; p++) {
     own += is_own(part, p) ? 1 : 0, all += part->owner[p] >= 0 ? 1 : 0;
     if (part->owner[p] >= 0) part->bytes[part->owner[p]] += 3 * (int64_t)sizeof(double);
@@ -36,9 +38,16 @@ msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_
   return fits ? MSIM_OK : ms_error_set_memory(err, "the parts of the ranks");
 }
 
+void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *islands) {
+  MS_FREE(alloc, islands->first, islands->particle, islands->hash);
+  *islands = (ms_whole_islands){0};
+}
+
 void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part) {
   if (!part) return;
-  MS_FREE(alloc, part->owner, part->bytes, part->next, part->own, part->all, part);
+  ms_whole_islands_destroy(alloc, &part->whole);
+  MS_FREE(alloc, part->owner, part->bytes, part->next, part->island_bytes, part->own, part->all,
+          part);
 }
 
 double ms_rank_part_imbalance(const ms_scene *scene, const ms_rank_part *part) {
@@ -94,10 +103,10 @@ static int list_springs(const ms_scene *s, const ms_rank_part *part, int32_t *to
 
 static int list_free(const ms_scene *s, const ms_rank_part *part, const ms_whole_order *order,
                      int32_t *to, ms_islands *out) {
-  for (int32_t k = 0; k < order->nfree; k++) to[k] = is_own(part, order->particle[k]) ? 0 : NONE;
-  if (!ms_buckets_create(&s->alloc, order->nfree, to, 1, &out->free)) return 0;
-  for (int32_t k = 0; k < out->free.first[1]; k++)
-    out->free.item[k] = order->particle[out->free.item[k]];
+  const int32_t *particle = order->islands.particle, n = order->islands.first[order->islands.n];
+  for (int32_t k = 0; k < n; k++) to[k] = is_own(part, particle[k]) ? 0 : NONE;
+  if (!ms_buckets_create(&s->alloc, n, to, 1, &out->free)) return 0;
+  for (int32_t k = 0; k < out->free.first[1]; k++) out->free.item[k] = particle[out->free.item[k]];
   return 1;
 }
 

@@ -10,11 +10,23 @@
 #include "base/ranks.h"
 #include "layout/islands.h"
 
+/* The islands of one process and the order of their unknowns, in which checkpoints have them */
+typedef struct ms_whole_islands {
+  int32_t n;
+  int32_t *first;    /* n + 1: the first unknown of each */
+  int32_t *particle; /* of each unknown, island by island */
+  uint64_t *hash;    /* n: of the particles of all rows (unknowns.h) */
+} ms_whole_islands;
+
+void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *islands);
+
 typedef struct ms_rank_part {
   ms_ranks *ranks;
-  int32_t *owner; /* nparticles: the rank of each free particle (bisection.h) */
-  /* Scratch of ms_rank_part_gather: nranks, and 3 numbers of each own, and of each free particle */
-  int64_t *bytes, *next;
+  int32_t *owner;         /* nparticles: the rank of each free particle (bisection.h) */
+  ms_whole_islands whole; /* own unknowns are in this order; empty before islands are built */
+  /* Scratch of ms_rank_part_gather, and of checkpoints: nranks each, and 3 numbers of each own, and
+   * of each free particle */
+  int64_t *bytes, *next, *island_bytes;
   double *own, *all;
 } ms_rank_part;
 

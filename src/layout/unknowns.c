@@ -1,5 +1,6 @@
 #include "layout/unknowns.h"
 
+#include "base/archive.h"
 #include "scene/laws.h"
 
 static int32_t round_up_to_slices(int32_t n) { return (n + MS_SLICE - 1) / MS_SLICE * MS_SLICE; }
@@ -49,6 +50,10 @@ int ms_unknowns_new_vectors(const ms_scene *scene, const ms_unknowns *rows, size
 void ms_unknowns_find_rows(const ms_unknowns *rows, int32_t *row) {
   for (int32_t r = 0; r < rows->stride; r++)
     if (rows->particle[r] >= 0) row[rows->particle[r]] = r;
+}
+
+uint64_t ms_unknowns_hash(const ms_unknowns *rows) {
+  return ms_archive_hash(0, rows->particle, (size_t)rows->stride * sizeof *rows->particle);
 }
 
 void ms_unknowns_gather(const ms_unknowns *rows, const double *array, double *vec) {

@@ -39,6 +39,9 @@ void ms_unknowns_destroy(const ms_scene *scene, ms_unknowns *rows);
 /* row[p] = the row of particle p, for each particle of the island. */
 void ms_unknowns_find_rows(const ms_unknowns *rows, int32_t *row);
 
+/* A hash of the particles of all rows */
+uint64_t ms_unknowns_hash(const ms_unknowns *rows);
+
 /* A zero vector of dims stride doubles; NULL: out of memory. */
 double *ms_unknowns_new_vector(const ms_scene *scene, const ms_unknowns *rows);
 

@@ -28,11 +28,16 @@ static msim_status record_split_rows(const ms_scene *scene, const ms_unknowns *r
 
 static void record_order(const ms_unknowns *rows, const ms_springs *springs, const ms_adjacency *a,
                          ms_whole_order *order) {
+  ms_whole_islands *all = &order->islands;
+  int32_t *particle = all->particle + all->first[all->n];
   for (int32_t r = 0; r < rows->nfree; r++) {
-    order->particle[order->nfree++] = rows->particle[r];
+    particle[r] = rows->particle[r];
     for (int32_t k = a->first[r]; k < a->first[r + 1]; k++)
       order->position[half_edge_index(springs, r, a->half_edges[k])] = k - a->first[r];
   }
+  all->hash[all->n] = ms_unknowns_hash(rows);
+  all->first[all->n + 1] = all->first[all->n] + rows->nfree;
+  all->n++;
 }
 
 static msim_status record_angles(const ms_scene *scene, const ms_island *island,
@@ -69,15 +74,17 @@ static msim_status add_island(const ms_scene *scene, const ms_island *island, ms
 msim_status ms_whole_order_create(const ms_scene *scene, int whole, ms_whole_order *order,
                                   msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
+  ms_whole_islands *all = &order->islands;
   ms_islands islands;
   *order = (ms_whole_order){.nangles = scene->angles.n};
-  if (!MS_NEW(alloc, order->particle, scene->nparticles) ||
+  msim_status status = ms_islands_create(scene, whole, &islands, err);
+  if (status) return status;
+  if (!MS_NEW(alloc, all->particle, scene->nparticles) ||
+      !MS_NEW(alloc, all->first, (size_t)islands.n + 1) || !MS_NEW(alloc, all->hash, islands.n) ||
       !MS_NEW(alloc, order->position, 2 * (size_t)scene->nsprings) ||
       !MS_NEW(alloc, order->is_split, scene->nparticles) ||
       !MS_NEW(alloc, order->angle_position, scene->angles.n))
-    return ms_error_set_memory(err, "the order of the half-edges");
-  msim_status status = ms_islands_create(scene, whole, &islands, err);
-  if (status) return status;
+    status = ms_error_set_memory(err, "the order of the half-edges");
   for (int32_t i = 0; i < islands.n && !status; i++) {
     const ms_island island = ms_islands_get(&islands, i);
     status = add_island(scene, &island, order, err);
@@ -87,7 +94,8 @@ msim_status ms_whole_order_create(const ms_scene *scene, int whole, ms_whole_ord
 }
 
 void ms_whole_order_destroy(const ms_scene *scene, ms_whole_order *order) {
-  MS_FREE(&scene->alloc, order->particle, order->position, order->is_split, order->angle_position);
+  ms_whole_islands_destroy(&scene->alloc, &order->islands);
+  MS_FREE(&scene->alloc, order->position, order->is_split, order->angle_position);
   *order = (ms_whole_order){0};
 }
 

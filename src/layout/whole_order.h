@@ -5,10 +5,10 @@
 #define MS_WHOLE_ORDER_H
 
 #include "layout/adjacency.h"
+#include "layout/rank_part.h"
 
 typedef struct ms_whole_order {
-  int32_t nfree;
-  int32_t *particle; /* nfree: that of each unknown, island by island */
+  ms_whole_islands islands;
   int32_t *position; /* 2 nsprings: of the half-edge at ij[2e], ij[2e + 1] among those of its row */
   uint8_t *is_split; /* nparticles: 1 if the row is split (half_edges.h) */
   int32_t nangles;

@@ -176,12 +176,35 @@ msim_status ms_solver_state_archive(ms_archive *b, ms_solver *s, int in_use, msi
   const int counts = b->direction == MS_ARCHIVE_COUNT; /* count what may exist later, too */
   int same =
       b->direction == MS_ARCHIVE_READ && in_use && factors_are_listed(s, &before, age, &constant);
-  if (counts ? ms_solver_choice_is_auto(s->opt) || pcg_of(s) : age >= 0)
-    archive_factor(b, s, &s->coarse_point, &same);
-  if (counts ? ms_solver_choice_is_auto(s->opt) : s->lagged_factor.age > 0)
-    archive_factor(b, s, &s->lagged_point, &same);
+  const int is_auto = ms_solver_choice_is_auto(s->opt) || s->system.model->shape.ranks;
+  if (counts ? is_auto || pcg_of(s) : age >= 0) archive_factor(b, s, &s->coarse_point, &same);
+  if (counts ? is_auto : s->lagged_factor.age > 0) archive_factor(b, s, &s->lagged_point, &same);
   if (b->direction != MS_ARCHIVE_READ || ms_archive_failed(b)) return MSIM_OK;
   if (!same) return recompute_factors(s, age, &constant, err);
   if (age >= 0) pcg_of(s)->coarse_age = age;
   return MSIM_OK;
+}
+
+/* As archive_linearization_point() without constraints */
+static void skip_linearization_point(ms_archive *b, const ms_solver *s, int32_t n) {
+  const ms_linearization_point point = {0};
+  b->position += sizeof point.h + sizeof point.clamped + sizeof point.kind;
+  if (s->system.a.block == 1) return;
+  b->position += (size_t)s->system.model->shape.dims * (size_t)n * sizeof *point.x;
+}
+
+void ms_solver_state_skip(ms_archive *b, const ms_solver *s, int32_t n) {
+  decisions d;
+  ms_lagged_factor kept = {.factorizer = s->linear};
+  ms_amortization amortization = {0};
+  ms_linearization_point constant = {0};
+  int32_t age;
+  archive_decisions(b, &d);
+  archive_counts(b, &kept, &amortization);
+  MS_ARCHIVE_TRANSFER(b, constant.h);
+  MS_ARCHIVE_TRANSFER(b, constant.clamped);
+  MS_ARCHIVE_TRANSFER(b, age);
+  if (ms_archive_failed(b)) return;
+  if (age >= 0) skip_linearization_point(b, s, n);
+  if (kept.age > 0) skip_linearization_point(b, s, n);
 }

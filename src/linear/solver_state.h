@@ -22,4 +22,7 @@
 msim_status ms_solver_state_archive(ms_archive *bytes, ms_solver *solver, int in_use,
                                     msim_error *err);
 
+/* Pass over the state of a solver for n unknowns of the same scene and options; MS_ARCHIVE_READ. */
+void ms_solver_state_skip(ms_archive *bytes, const ms_solver *solver, int32_t n);
+
 #endif

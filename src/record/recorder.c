@@ -1,17 +1,18 @@
 /* recorder - write and resume trajectory files (msim_recorder_*), by plugins for their formats
  *
- * Where several ranks share the scene, rank 0 has the file and writes the state that all ranks
- * gather; each function ends with an agreement on its status. */
+ * Where several ranks share the scene, rank 0 has the file and writes the state and the checkpoint
+ * that all ranks gather; each function ends with an agreement on its status. */
 #include <math.h>
 #include <string.h>
 
 #include "base/clock.h"
 #include "base/plugin.h"
+#include "checkpoint/checkpoint.h"
 #include "record/output_file.h"
 #include "record/recorders.h"
 #include "record/strain.h"
 #include "sim/frames.h"
-#include "sim/rank_sim.h"
+#include "sim/sim.h"
 
 struct msim_recorder {
   msim_sim *sim;
@@ -19,8 +20,8 @@ struct msim_recorder {
   void *self; /* NULL: closed, or on another rank than 0 */
   ms_plugin_host host;
   ms_output_file file;
-  void *checkpoint; /* buffer; NULL: no file can be resumed: by the recorder, on several ranks */
-  size_t capacity;
+  void *checkpoint; /* buffer; NULL: on another rank than 0, or the format has none */
+  size_t capacity;  /* 0: the format has no checkpoints */
   ms_strain strain;
   double *poses;     /* 6 ncolliders */
   int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
@@ -160,26 +161,20 @@ static msim_status open_new_trajectory(msim_recorder *r, const char *path, int f
   return status;
 }
 
-/* Resume a file, and set the sim to its last checkpoint. A file without a frame is begun anew. */
-static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_error *err) {
-  msim_error why;
-  msim_resumption from = {.size = sizeof from};
-  msim_status status = r->type->resume(&r->host.base, &a->what, &from, &r->self);
+/* Resume a file, and find its last checkpoint. A file without a frame is begun anew. */
+static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_resumption *from,
+                                     msim_error *err) {
+  const msim_status status = r->type->resume(&r->host.base, &a->what, from, &r->self);
   if (status) return ms_plugin_fail(&r->host, r->type->name, status, err);
-  if (from.frames == 0) {
-    r->type->close(r->self);
-    r->self = NULL;
-    return create_trajectory(r, a, err);
-  }
-  status = msim_sim_load(r->sim, from.checkpoint, from.checkpoint_length, &why);
-  if (!status) status = check_topology(r, &why);
-  if (status) return ms_error_set(err, status, "%s cannot be resumed: %s", r->file.path, why.text);
-  r->step_kept = r->sim->run.step;
-  r->t_kept = ms_sim_time(r->sim);
-  return MSIM_OK;
+  if (from->frames > 0) return MSIM_OK;
+  r->type->close(r->self);
+  r->self = NULL;
+  from->checkpoint_length = 0;
+  return create_trajectory(r, a, err);
 }
 
-static msim_status open_for_resume(msim_recorder *r, const char *path, msim_error *err) {
+static msim_status open_for_resume(msim_recorder *r, const char *path, msim_resumption *from,
+                                   msim_error *err) {
   recording_plan a;
   int taken = 0;
   if (!MS_RECORDERS_HAS(r->type, resume))
@@ -192,9 +187,41 @@ static msim_status open_for_resume(msim_recorder *r, const char *path, msim_erro
                           "%s does not exist, so that no run can be resumed from it", path);
   if (!status) status = make_recording_plan(r, &a, err);
   if (status) return status;
-  status = resume_trajectory(r, &a, err);
+  status = resume_trajectory(r, &a, from, err);
   free_recording_plan(r, &a);
   return status;
+}
+
+static int has_file(const msim_sim *sim) { return !sim->ranks || sim->ranks->rank == 0; }
+
+/* Set the sim to the state of a checkpoint, which rank 0 passes to all; collective. */
+static msim_status load_checkpoint(msim_sim *sim, const msim_resumption *from, msim_error *err) {
+  int64_t length = (int64_t)from->checkpoint_length;
+  void *copy = NULL;
+  ms_ranks_broadcast(sim->ranks, 0, sizeof length, &length);
+  if (sim->ranks) copy = ms_memory_allocate(&sim->alloc, (size_t)length, 1);
+  msim_status status = MSIM_OK;
+  if (sim->ranks && !copy) status = ms_error_set_memory(err, "a checkpoint");
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (!status && copy && has_file(sim)) memcpy(copy, from->checkpoint, (size_t)length);
+  if (!status) ms_ranks_broadcast(sim->ranks, 0, length, copy);
+  if (!status) status = msim_sim_load(sim, copy ? copy : from->checkpoint, (size_t)length, err);
+  ms_memory_free(&sim->alloc, copy);
+  return status;
+}
+
+/* Continue from the last frame of the file, which rank 0 has opened; collective. */
+static msim_status continue_run(msim_recorder *r, const msim_resumption *from, msim_error *err) {
+  msim_error why;
+  int32_t has_frames = from->frames > 0;
+  ms_ranks_broadcast(r->sim->ranks, 0, sizeof has_frames, &has_frames);
+  if (!has_frames) return MSIM_OK;
+  msim_status status = load_checkpoint(r->sim, from, &why);
+  if (!status) status = check_topology(r, &why);
+  if (status) return ms_error_set(err, status, "%s cannot be resumed: %s", r->file.path, why.text);
+  r->step_kept = r->sim->run.step;
+  r->t_kept = ms_sim_time(r->sim);
+  return MSIM_OK;
 }
 
 static msim_status find_recorder(const msim_sim *sim, const char *path,
@@ -207,8 +234,6 @@ static msim_status find_recorder(const msim_sim *sim, const char *path,
                         path);
   return MSIM_OK;
 }
-
-static int has_file(const msim_sim *sim) { return !sim->ranks || sim->ranks->rank == 0; }
 
 /* Make a recorder that has no file yet. */
 static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorder **recorder,
@@ -225,12 +250,12 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   r->file = (ms_output_file){
       .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
   ms_plugin_init_host(&r->host, &sim->alloc);
-  status = ms_strain_init(&r->strain, sim->scene, &sim->alloc, err);
-  if (status) return status;
+  if (MS_RECORDERS_HAS(type, resume)) r->capacity = msim_sim_save_size(sim);
   if (!MS_NEW(&sim->alloc, r->poses, 6 * (size_t)sim->scene->ncolliders))
     return ms_error_set_memory(err, "a recorder");
-  if (sim->ranks || !MS_RECORDERS_HAS(type, resume)) return MSIM_OK;
-  r->capacity = msim_sim_save_size(sim);
+  if (!has_file(sim)) return MSIM_OK;
+  status = ms_strain_init(&r->strain, sim->scene, &sim->alloc, err);
+  if (status || r->capacity == 0) return status;
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
   return r->checkpoint ? MSIM_OK : ms_error_set_memory(err, "a checkpoint");
 }
@@ -245,9 +270,10 @@ static void destroy_recorder(msim_recorder *r) {
 
 enum { NEW, REPLACE, RESUME };
 
-static msim_status open_file(msim_recorder *r, const char *path, int how, msim_error *err) {
+static msim_status open_file(msim_recorder *r, const char *path, int how, msim_resumption *from,
+                             msim_error *err) {
   if (!has_file(r->sim)) return MSIM_OK;
-  return how == RESUME ? open_for_resume(r, path, err)
+  return how == RESUME ? open_for_resume(r, path, from, err)
                        : open_new_trajectory(r, path, how == REPLACE, err);
 }
 
@@ -255,14 +281,15 @@ static msim_status open_at(msim_sim *sim, const char *path, int how, msim_record
                            msim_error *err) {
   if (!sim || !path || !recorder)
     return ms_error_set(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
-  msim_status status = how == RESUME ? ms_rank_sim_refuse(sim, "resuming a file", err) : MSIM_OK;
-  if (status) return status;
   const double start = ms_clock_now();
   *recorder = NULL;
   msim_recorder *r = NULL;
-  status = create_recorder(sim, path, &r, err);
-  if (!status) status = open_file(r, path, how, err);
+  msim_resumption from = {.size = sizeof from};
+  msim_status status = create_recorder(sim, path, &r, err);
+  if (!status) status = open_file(r, path, how, &from, err);
   status = ms_ranks_agree(sim->ranks, status, err);
+  if (!status && how == RESUME)
+    status = ms_ranks_agree(sim->ranks, continue_run(r, &from, err), err);
   ms_sim_count_output(sim, ms_clock_now() - start);
   if (!status) {
     *recorder = r;
@@ -292,8 +319,8 @@ msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder 
 
 /* Add the checkpoint; none if it exceeds the planned size, as after another state was set. */
 static void add_checkpoint(msim_recorder *r, msim_frame *frame) {
-  if (r->checkpoint &&
-      msim_sim_save(r->sim, r->checkpoint, r->capacity, &frame->checkpoint_length, NULL) == MSIM_OK)
+  if (r->capacity && ms_checkpoint_save(r->sim, r->checkpoint, r->capacity,
+                                        &frame->checkpoint_length, NULL) == MSIM_OK)
     frame->checkpoint = r->checkpoint;
 }
 
@@ -309,8 +336,8 @@ static const double *get_poses(msim_recorder *r, double t) {
 }
 
 static msim_status write_frame(msim_recorder *r, msim_frame *frame, msim_error *err) {
-  if (!has_file(r->sim)) return MSIM_OK;
   add_checkpoint(r, frame);
+  if (!has_file(r->sim)) return MSIM_OK;
   const msim_status status = r->type->write(r->self, frame);
   return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : MSIM_OK;
 }

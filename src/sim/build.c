@@ -48,6 +48,12 @@ static msim_status create_islands(const msim_sim *sim, ms_whole_order *order, ms
   return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
 }
 
+/* They are the same each time, as ranks share one scene. */
+static void keep_whole_islands(msim_sim *sim, ms_whole_order *order) {
+  const ms_whole_islands before = sim->part->whole;
+  sim->part->whole = order->islands, order->islands = before;
+}
+
 static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
   ms_islands islands = {0};
   ms_whole_order order = {0};
@@ -68,6 +74,7 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
       sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
+  if (sim->part && !status) keep_whole_islands(sim, &order);
   ms_whole_order_destroy(sim->scene, &order);
   return status;
 }

@@ -341,6 +341,16 @@ void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, const ms_run_
   ms_control_archive(b, &w->good.control);
 }
 
+void ms_energy_monitor_finish_reading(msim_sim *sim, int is_present) {
+  if (!monitor_is_on(sim)) return;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    ms_last_good_state *g = &m->last_good;
+    const ms_stepper *s = &m->stepper;
+    ms_totals_copy *to = is_present ? &g->kept : &g->measured;
+    g->totals = ms_totals_compute(&m->model, s->x, s->v, to, g->parts);
+  }
+}
+
 /* After implicit steps the last good state is the present one, as all are checked. */
 void ms_energy_monitor_archive_island(ms_archive *b, const msim_sim *sim, int is_present,
                                       const ms_stepper *s, ms_last_good_state *g) {
@@ -349,10 +359,7 @@ void ms_energy_monitor_archive_island(ms_archive *b, const msim_sim *sim, int is
   MS_ARCHIVE_TRANSFER(b, g->h_before);
   MS_ARCHIVE_TRANSFER(b, g->at_rest);
   ms_archive_check(b, isfinite(g->h_before) && (g->at_rest | 1) == 1, "the last good state");
-  if (b->direction == MS_ARCHIVE_READ) {
-    g->totals = ms_totals_compute(s->model, s->x, s->v, &g->kept, g->parts);
-    g->tag = restorable_tag(sim, s);
-  }
+  if (b->direction == MS_ARCHIVE_READ) g->tag = restorable_tag(sim, s);
   if (b->direction == MS_ARCHIVE_COUNT ? sim->config.integrator->entry.implicit : is_present)
     return;
   ms_archive_transfer_vector(b, shape, g->kept.x);

@@ -80,6 +80,9 @@ void ms_energy_monitor_archive(ms_archive *bytes, const msim_sim *sim, const ms_
 void ms_energy_monitor_archive_island(ms_archive *bytes, const msim_sim *sim, int is_present,
                                       const ms_stepper *s, ms_last_good_state *good);
 
+/* To be called when all islands are read. is_present: as above */
+void ms_energy_monitor_finish_reading(msim_sim *sim, int is_present);
+
 /* After a step that failed: if the state before it is beyond the bounds, return to the last good
  * state, and append that to err. */
 void ms_energy_monitor_restore(msim_sim *sim, msim_error *err);

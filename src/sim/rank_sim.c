@@ -135,14 +135,9 @@ static uint64_t hash_sim(const msim_sim *sim) {
   return hash;
 }
 
-/* Both halves of the hash are exact as doubles: they are equal where maximum and minimum are. */
 msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err) {
   if (!sim->ranks) return MSIM_OK;
-  const uint64_t hash = hash_sim(sim);
-  const double high = (double)(hash >> 32), low = (double)(hash & UINT32_MAX);
-  double most[] = {high, low, -high, -low};
-  ms_ranks_maximum(sim->ranks, 4, most);
-  if (most[0] == -most[2] && most[1] == -most[3]) return MSIM_OK;
+  if (ms_ranks_have_same(sim->ranks, hash_sim(sim))) return MSIM_OK;
   if (sim->ranks->failed) return ms_ranks_agree(sim->ranks, MSIM_OK, err);
   return ms_error_set(err, MSIM_ERR_ARG,
                       "the %d ranks have different scenes or options, or processors with different "

@@ -125,7 +125,7 @@ static msim_status open_recorder(run *r, msim_error *err) {
   if (args->force) return msim_recorder_replace(r->sim, args->out, &r->recorder, err);
   if (!args->resume) return msim_recorder_open(r->sim, args->out, &r->recorder, err);
   const msim_status status = resume_run(r, err);
-  if (status != MSIM_ERR_IO || file_exists(args->out)) return status;
+  if (status != MSIM_ERR_IO || ranks_maximum(file_exists(args->out)) > 0) return status;
   if (!args->quiet)
     print_note("the file of --out does not exist: the run starts from the beginning", r);
   return msim_recorder_open(r->sim, args->out, &r->recorder, err);
