@@ -28,7 +28,7 @@ def caught(process, number):
 class Stopping(CliTest):
     def test_signals(self):
         self.scene()
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1):
             with self.subTest(number.name):
                 with self.start("run", "scene.json", *FOR_EVER, "--out", "out.csv", "--every",
                                 "100000", "--final", "final.json") as process:
