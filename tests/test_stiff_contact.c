@@ -108,6 +108,11 @@ static void nonlinear_methods_keep_the_bound_too(void **state) {
   for (int i = 0; i < SCENES; i++) run_stiff_body(i, methods[i % 3], 3000, 0.5 * (i % 2), 0.3);
 }
 
+static int32_t return_zero(void *data, const msim_force_batch *batch) {
+  (void)data, (void)batch;
+  return 0;
+}
+
 /* A cloth hangs from two handles that a program moves, over a sphere: no frame is refused, and the
  * motion stays slow. */
 static void moved_handles_refuse_no_frame(void **state) {
@@ -135,6 +140,32 @@ static void moved_handles_refuse_no_frame(void **state) {
   }
 }
 
+/* A large cloth, whose solver has a coarse space, falls on a sphere under a force function: solvers
+ * then reuse no factor, and keep no record of its constraints. */
+static void force_functions_meet_contact(void **state) {
+  (void)state;
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = 50,
+                            .columns = 50,
+                            .origin = {-0.5, -0.5, 0.32},
+                            .row = {1, 0, 0.01},
+                            .column = {0, 1, 0.02},
+                            .mass = 0.3,
+                            .k_structural = 500};
+  const msim_force_function none = {.size = sizeof none, .name = "none", .evaluate = return_zero};
+  msim_scene *scene = new_scene();
+  assert_ok(msim_scene_add_cloth(scene, &cloth, err));
+  add(scene, sphere(0, 0, 0, 0.3, 0, 0.3), 0);
+  assert_ok(msim_scene_set_force_function(scene, &none, err));
+  msim_options opt = event_options("linearly-implicit-euler", 1.0 / 60);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 6, err));
+  assert_true(stats_of(sim).contacts > 0 && stats_of(sim).coarse_factors > 0);
+  expect_outside(0, sim);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /* Contacts follow from the state: a run goes on to the bit after a checkpoint, by any number of
  * threads. */
 static void resumed_runs_are_the_same(void **state) {
@@ -155,6 +186,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(energy_does_not_grow_in_few_solves),
                                      cmocka_unit_test(nonlinear_methods_keep_the_bound_too),
                                      cmocka_unit_test(moved_handles_refuse_no_frame),
+                                     cmocka_unit_test(force_functions_meet_contact),
                                      cmocka_unit_test(resumed_runs_are_the_same)};
   return cmocka_run_group_tests_name("stiff_contact", tests, NULL, NULL);
 }

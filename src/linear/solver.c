@@ -161,14 +161,14 @@ static void solver_expand(ms_solver *s, ms_linear *linear) {
   s->stats->assemble_s += ms_clock_now() - start;
 }
 
-/* Record the linearization point of the present matrix. */
+/* Record the linearization point of the present matrix; if no factor is kept, it has no memory. */
 static void record_linearization_point(const ms_solver *s, int32_t kind,
                                        ms_linearization_point *origin) {
   const ms_coefficients *a = &s->system.a;
   origin->h = s->h, origin->clamped = s->system.clamped, origin->kind = kind;
   if (origin->x) ms_vector_copy_all(s->system.model->shape, a->x, origin->x);
-  origin->nconstraints = a->nconstraints;
-  for (int32_t i = 0; i < a->nconstraints; i++) origin->constraint[i] = a->constraint[i];
+  origin->nconstraints = origin->constraint ? a->nconstraints : 0;
+  for (int32_t i = 0; i < origin->nconstraints; i++) origin->constraint[i] = a->constraint[i];
 }
 
 static msim_status solver_factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_error *err) {
