@@ -101,6 +101,13 @@ static inline const char *fail_rank(const msim_comm *comm, const char *what, con
   return text[comm->rank];
 }
 
+/* All ranks have the text of rank 0. */
+static inline int has_same_text(const msim_comm *comm, const char *text) {
+  char first[1024] = {0};
+  snprintf(first, sizeof first, "%s", text);
+  return comm->broadcast(comm->self, 0, sizeof first, first) == MSIM_OK && strcmp(first, text) == 0;
+}
+
 #define EXPECT(condition) \
   if (!(condition)) return fail_rank(comm, #condition, why.text)
 

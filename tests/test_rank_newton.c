@@ -67,16 +67,19 @@ static void unequal_ranks(void **state) {
 static void laws_and_angles(void **state) {
   (void)state;
   msim_scene *laws = law_net(90, 600, 0, 0, 3), *damped = law_net(90, 600, 0, 0.1, 3),
-             *cloth = bending_cloth(10, 400, 0, 0.001), *bent = bending_cloth(10, 400, 0.01, 0.001);
+             *cloth = bending_cloth(10, 400, 0, 0.001), *bent = bending_cloth(10, 400, 0.01, 0.001),
+             *stiff = bent_scene((chain){9, 100, 5, 0, 0});
   check_implicit("laws", laws, options("implicit-euler", 0.01), 3, 1.25);
   check_implicit("laws", laws, options("trapezoidal", 1e-3), 3, 1.25);
   check_implicit("damped laws", damped, options("sdirk2", 1e-3), 3, 1.25);
   check_implicit("bending cloth", cloth, options("implicit-midpoint", 2e-3), 3, 1.25);
+  check_implicit("chain", stiff, options("implicit-euler", 0.05), 4, 1.25);
   check_implicit("damped bending cloth", bent, options("tr-bdf2", 2e-3), 3, 1.25);
   msim_scene_destroy(laws);
   msim_scene_destroy(damped);
   msim_scene_destroy(cloth);
   msim_scene_destroy(bent);
+  msim_scene_destroy(stiff);
 }
 
 /* Few iterations are too few for whole steps. All ranks retry alike. */

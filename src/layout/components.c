@@ -26,7 +26,7 @@ static void join_free(const ms_scene *s, int32_t p, int32_t q, int32_t *of) {
 
 int32_t ms_components_number_particles(const ms_scene *s, int32_t *of) {
   const int32_t *ij = s->ij, *ijk = s->angles.ijk;
-  int32_t n = 0, npinned = 0;
+  int32_t n = 0;
   for (int32_t p = 0; p < s->nparticles; p++) of[p] = p;
   for (int32_t e = 0; e < s->nsprings; e++, ij += 2)
     if (!ms_scene_is_broken(s, e)) join_free(s, ij[0], ij[1], of);
@@ -34,8 +34,6 @@ int32_t ms_components_number_particles(const ms_scene *s, int32_t *of) {
     for (int c = 0; c < 3; c++) join_free(s, ijk[c], ijk[(c + 1) % 3], of);
   for (int32_t p = 0; p < s->nparticles; p++) of[p] = ms_components_find_root(of, p);
   for (int32_t p = 0; p < s->nparticles; p++)
-    if (!s->pinned[p]) of[p] = of[p] == p ? n++ : of[of[p]];
-  for (int32_t p = 0; p < s->nparticles; p++)
-    if (s->pinned[p]) of[p] = n, npinned++;
-  return n + (npinned > 0);
+    of[p] = s->pinned[p] ? -1 : of[p] == p ? n++ : of[of[p]];
+  return n;
 }

@@ -23,9 +23,8 @@ static inline void ms_components_join(int32_t *of, int32_t p, int32_t q) {
 int32_t ms_components_number(const ms_unknowns *rows, const ms_springs *springs,
                              const ms_angles *angles, int32_t *of);
 
-/* of: out, nparticles: the component of each particle of a scene, whose springs connect free
- * particles until they break. Components are numbered by their first particles; all pinned
- * particles are one more, the last. Returns their number. */
+/* The same of a scene, whose springs connect particles until they break. of: out, nparticles: -1
+ * where pinned. Components are numbered by their first particles. */
 int32_t ms_components_number_particles(const ms_scene *scene, int32_t *of);
 
 #endif

@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #include "base/vec3.h"
 #include "layout/components.h"
@@ -10,48 +11,69 @@
 #include "physics/external_force.h"
 #include "physics/law.h"
 #include "physics/moving_pins.h"
+#include "physics/rank_model.h"
 #include "physics/scales.h"
 
-/* Sums and extremes over a body */
+/* Sums and extremes over a body: nothing but doubles, so that ranks can share them */
 typedef struct ms_norm_sums {
-  double low[3], high[3]; /* the bounding box */
-  double speed2;          /* sum of |v_i|^2 */
-  double force2;          /* sum of |F_i/m_i|^2, of constant forces */
-  double omega2;          /* by Gershgorin's discs, as in bounds.h */
+  double speed2;        /* sum of |v_i|^2 */
+  double force2;        /* sum of |F_i/m_i|^2, of constant forces */
+  double omega2;        /* by Gershgorin's discs, as in bounds.h */
+  double x[3], back[3]; /* the bounding box: the largest coordinates and their largest negatives */
 } ms_norm_sums;
 
 /*------------------------------------- bodies ---------------------------------------------------*/
 
+/* body_of each unknown, and the bodies' sizes; of: scratch, nparticles. On several ranks bodies are
+ * those of the scene. */
+static int number_bodies(const ms_model *model, int32_t *of, ms_norm *norm) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const ms_unknowns *rows = &model->unknowns;
+  const int32_t n = model->rank_model ? model->scene->nparticles : rows->nfree;
+  if (model->rank_model) norm->n = ms_components_number_particles(model->scene, of);
+  else norm->n = ms_components_number(rows, &model->springs, &model->angles, of);
+  for (int32_t r = 0; r < rows->nfree; r++)
+    norm->body_of[r] = of[model->rank_model ? rows->particle[r] : r];
+  if (!MS_NEW(alloc, norm->body, norm->n + 1)) return 0;
+  for (int32_t i = 0; i < n; i++)
+    if (of[i] >= 0) norm->body[of[i]].n++;
+  return 1;
+}
+
 msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const int32_t nfree = model->unknowns.nfree;
+  int32_t *of = NULL;
   *norm = (ms_norm){0};
-  if (!MS_NEW(alloc, norm->body_of, nfree + 1))
-    return ms_error_set_memory(err, "the error norm of step-size control");
-  norm->n = ms_components_number(&model->unknowns, &model->springs, &model->angles, norm->body_of);
-  if (!MS_NEW(alloc, norm->body, norm->n + 1) || !MS_NEW(alloc, norm->sums, norm->n + 1))
-    return ms_error_set_memory(err, "the error norm of step-size control");
-  for (int32_t r = 0; r < nfree; r++) norm->body[norm->body_of[r]].n++;
-  return MSIM_OK;
+  const int fits = MS_NEW(alloc, norm->body_of, model->unknowns.nfree + 1) &&
+                   MS_NEW(alloc, of, model->scene->nparticles) && number_bodies(model, of, norm) &&
+                   MS_NEW(alloc, norm->sums, norm->n + 1) &&
+                   (!model->rank_model || MS_NEW(alloc, norm->most, norm->n + 1));
+  ms_memory_free(alloc, of);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "the error norm of step-size control");
 }
 
 void ms_norm_destroy(const ms_model *model, ms_norm *norm) {
   if (!model->scene) return;
-  MS_FREE(&model->scene->alloc, norm->body_of, norm->body, norm->sums);
+  MS_FREE(&model->scene->alloc, norm->body_of, norm->body, norm->sums, norm->most);
 }
 
 /*------------------------------------- scales ---------------------------------------------------*/
 
 static void extend_box(const double x[3], ms_norm_sums *g) {
-  for (int c = 0; c < 3; c++)
-    g->low[c] = fmin(g->low[c], x[c]), g->high[c] = fmax(g->high[c], x[c]);
+  for (int c = 0; c < 3; c++) g->x[c] = fmax(g->x[c], x[c]), g->back[c] = fmax(g->back[c], -x[c]);
+}
+
+/* 1/m of a row; 0 where pinned */
+static double inverse_mass(const ms_model *model, int32_t q) {
+  if (q < model->unknowns.nfree) return model->inv_mass[q];
+  const int is_ghost = q < model->unknowns.first_fixed;
+  return is_ghost ? 1 / model->scene->mass[model->unknowns.particle[q]] : 0;
 }
 
 /* |v|^2 of row r if the energy e of a spring to row q becomes kinetic: both ends have momentum of
  * magnitude p, p^2 = 2 e mu, mu the reduced mass (q pinned: m_r). */
 static double speed2_from_spring(const ms_model *model, int32_t r, int32_t q, double energy) {
-  const double there = q < model->unknowns.nfree ? model->inv_mass[q] : 0,
-               here = model->inv_mass[r];
+  const double there = inverse_mass(model, q), here = model->inv_mass[r];
   return 2 * energy * here * here / (here + there);
 }
 
@@ -98,16 +120,29 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
   g->omega2 = fmax(g->omega2, ms_bounds_sum_stiffness(model, r) * model->inv_mass[r]);
 }
 
-static void set_body_scales(const ms_model *model, const ms_norm_sums *sum, double gravity,
-                            double span, ms_norm_body *p) {
-  const double pins = model->pins ? model->pins->speed : 0;
+/* Those of all ranks; *pins: the speed of the fastest pinned particle */
+static void share_sums(const ms_norm *norm, ms_ranks *ranks, double *pins) {
+  const int32_t n = norm->n * (int32_t)(sizeof *norm->sums / sizeof(double));
+  memcpy(norm->most, norm->sums, (size_t)norm->n * sizeof *norm->sums);
+  ms_ranks_sum(ranks, n, &norm->sums->speed2);
+  ms_ranks_maximum(ranks, n, &norm->most->speed2);
+  ms_ranks_maximum(ranks, 1, pins);
+  for (int32_t p = 0; p < norm->n; p++) {
+    const ms_norm_sums sum = norm->sums[p];
+    norm->sums[p] = norm->most[p];
+    norm->sums[p].speed2 = sum.speed2, norm->sums[p].force2 = sum.force2;
+  }
+}
+
+static void set_body_scales(const ms_norm_sums *sum, double pins, double gravity, double span,
+                            ms_norm_body *p) {
   ms_scale_sources from = {.speed2 = sum->speed2 / p->n + pins * pins,
                            .gravity = gravity + sqrt(sum->force2 / p->n),
                            .omega = sqrt(sum->omega2),
                            .span = span};
   for (int c = 0; c < 3; c++) {
-    from.extent = fmax(from.extent, sum->high[c] - sum->low[c]);
-    from.farthest = fmax(from.farthest, fmax(fabs(sum->low[c]), fabs(sum->high[c])));
+    from.extent = fmax(from.extent, sum->x[c] + sum->back[c]);
+    from.farthest = fmax(from.farthest, fmax(fabs(sum->x[c]), fabs(sum->back[c])));
   }
   ms_scales scales;
   ms_scales_set(&from, &scales);
@@ -117,17 +152,27 @@ static void set_body_scales(const ms_model *model, const ms_norm_sums *sum, doub
 
 void ms_norm_measure_scales(const ms_model *model, const double *x, const double *v, double span,
                             ms_norm *norm) {
+  const double gravity = ms_external_acceleration(&model->external);
+  double pins = model->pins ? model->pins->speed : 0;
+  ms_rank_model_refresh(model, x, NULL);
   for (int32_t p = 0; p < norm->n; p++)
-    norm->sums[p] = (ms_norm_sums){.low = {INFINITY, INFINITY, INFINITY},
-                                   .high = {-INFINITY, -INFINITY, -INFINITY}};
+    norm->sums[p] = (ms_norm_sums){.x = {-INFINITY, -INFINITY, -INFINITY},
+                                   .back = {-INFINITY, -INFINITY, -INFINITY}};
   for (int32_t r = 0; r < model->unknowns.nfree; r++)
     add_row_sums(model, x, v, r, &norm->sums[norm->body_of[r]]);
+  if (model->rank_model) share_sums(norm, ms_rank_model_ranks(model), &pins);
   for (int32_t p = 0; p < norm->n; p++)
-    set_body_scales(model, &norm->sums[p], ms_external_acceleration(&model->external), span,
-                    &norm->body[p]);
+    set_body_scales(&norm->sums[p], pins, gravity, span, &norm->body[p]);
 }
 
 /*------------------------------------- norms ----------------------------------------------------*/
+
+static void share_squares(const ms_norm *norm, ms_ranks *ranks, int which) {
+  double *sum = &norm->most->speed2; /* scratch */
+  for (int32_t p = 0; p < norm->n; p++) sum[p] = norm->body[p].square[which];
+  ms_ranks_sum(ranks, norm->n, sum);
+  for (int32_t p = 0; p < norm->n; p++) norm->body[p].square[which] = sum[p];
+}
 
 /* The rows of bodies are interleaved: sums are formed row by row. */
 static void square_bodies(const ms_norm *norm, ms_shape shape, int which, const double *dx,
@@ -141,6 +186,7 @@ static void square_bodies(const ms_norm *norm, ms_shape shape, int which, const 
       p->square[which] += x * x + v * v;
     }
   }
+  if (shape.ranks) share_squares(norm, shape.ranks, which);
   for (int32_t p = 0; p < norm->n; p++) norm->body[p].square[which] /= 2 * norm->body[p].n;
 }
 

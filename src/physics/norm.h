@@ -4,7 +4,7 @@
  * to. The rest of the scene, or of the island, does not affect its error:
  *   E^2 = 1/(2 n) sum_i (|dx_i|^2/L^2 + |dv_i|^2/U^2)
  * over its n free particles, without masses, so that errors of light particles count as those of
- * heavy ones. */
+ * heavy ones. On several ranks all have the same norm, of the bodies of the scene. */
 #ifndef MS_NORM_H
 #define MS_NORM_H
 
@@ -25,16 +25,17 @@ typedef struct ms_norm {
   ms_norm_body *body;        /* n */
   int32_t *body_of;          /* nfree: the body of each unknown */
   struct ms_norm_sums *sums; /* n: scratch */
+  struct ms_norm_sums *most; /* n: scratch of several ranks; NULL: one process */
 } ms_norm;
 
 msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err);
 void ms_norm_destroy(const ms_model *model, ms_norm *norm);
 
-/* The scales of all bodies in the state x, v, for a run of length T = span (s). */
+/* The scales of all bodies in the state x, v, for a run of length T = span (s); collective. */
 void ms_norm_measure_scales(const ms_model *model, const double *x, const double *v, double span,
                             ms_norm *norm);
 
-/* square[which] of each body = E^2 of the errors dx, dv */
+/* square[which] of each body = E^2 of the errors dx, dv; collective */
 void ms_norm_square_errors(const ms_norm *norm, ms_shape shape, int which, const double *dx,
                            const double *dv);
 

@@ -16,6 +16,7 @@ msim_status ms_error_growth_create(const msim_sim *sim, const ms_model *model, m
   const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
   if (sim->config.opt.watch != MSIM_WATCH_ON || !has_tol) return MSIM_OK;
   if (ms_scene_has_function(sim->scene)) return MSIM_OK; /* called by steps only */
+  if (sim->part) return MSIM_OK;                         /* ranks would have to agree */
   if (model->springs.n > FEW_SPRINGS && !sim->scene->nplanes) return MSIM_OK;
   if (MS_NEW_VECTORS(sim->scene, &model->unknowns, &d->dx, &d->dv, &d->x, &d->v, &d->a, &d->f))
     return MSIM_OK;

@@ -15,6 +15,15 @@ static msim_islands make_islands(const ms_scene *scene, const msim_state *now, i
                         .gravitational = each.gravitational};
 }
 
+/* The pinned particles are the last island. */
+static int32_t number_islands(const ms_scene *scene, int32_t *of) {
+  const int32_t n = ms_components_number_particles(scene, of);
+  int32_t npinned = 0;
+  for (int32_t p = 0; p < scene->nparticles; p++)
+    if (of[p] < 0) of[p] = n, npinned++;
+  return n + (npinned > 0);
+}
+
 msim_status msim_sim_islands(msim_sim *sim, msim_islands *islands) {
   msim_state now = {.size = sizeof now};
   int32_t *of;
@@ -23,7 +32,7 @@ msim_status msim_sim_islands(msim_sim *sim, msim_islands *islands) {
   const msim_status status = msim_sim_state(sim, &now);
   if (status) return status;
   int fits = MS_NEW(&sim->alloc, of, now.n) != NULL;
-  const int32_t n = fits ? ms_components_number_particles(sim->scene, of) : 0;
+  const int32_t n = fits ? number_islands(sim->scene, of) : 0;
   fits = fits && MS_NEW(&sim->alloc, energies, 3 * (size_t)n);
   if (!fits) {
     MS_FREE(&sim->alloc, of, energies);

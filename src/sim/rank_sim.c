@@ -51,8 +51,9 @@ static refusal find_refused_system(const msim_sim *sim) {
 
 static refusal find_refused_option(const msim_sim *sim) {
   const msim_options *opt = &sim->config.opt;
-  if (ms_sim_has_control(sim))
-    return (refusal){"error control (tol; dop853 without steps)", "set steps, and tol = 0"};
+  if (ms_sim_has_control(sim) && ms_scene_has_obstacles(sim->scene))
+    return (refusal){"error control (tol; dop853 without steps) at planes and colliders",
+                     "set steps, and tol = 0"};
   if (opt->collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene))
     return (refusal){"collision = event", "use collision = reflect"};
   if (opt->contacts != MSIM_CONTACTS_OFF) return (refusal){"contacts = on", "use contacts = off"};
@@ -98,6 +99,7 @@ static uint64_t hash_sim(const msim_sim *sim) {
                             opt->collision,
                             (double)opt->every,
                             opt->fps,
+                            opt->tol,
                             opt->skip_off,
                             opt->watch,
                             opt->solver_rtol,

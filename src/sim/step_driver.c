@@ -268,6 +268,8 @@ static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
         ms_control_judge_attempt(&sim->run.control, &a, o.status, error, first_impact(sim));
     if (verdict == MS_ACCEPTED) {
       const double t = sim->run.t;
+      const msim_status status = ms_rank_sim_agree_on_step(sim, MSIM_OK, err);
+      if (status) return status;
       accept_step(sim);
       advance_time(sim, h, stop);
       ms_sim_move_pins(sim, t);
@@ -279,8 +281,10 @@ static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
     const int may_help = !o.m || ms_island_step_may_retry(o.status);
     if (may_help && verdict == MS_TRY_AGAIN) continue;
     sim->run.control = before;
-    return may_help ? report_shortest_step(sim, &o, worst, h, err)
-                    : report_failed_step(sim, o.m, sim->run.t + h, o.status, o.why->text, err);
+    const msim_status status =
+        may_help ? report_shortest_step(sim, &o, worst, h, err)
+                 : report_failed_step(sim, o.m, sim->run.t + h, o.status, o.why->text, err);
+    return ms_rank_sim_agree_on_step(sim, status, err);
   }
 }
 

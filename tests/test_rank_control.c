@@ -1,0 +1,242 @@
+/* Tests of error control on several ranks: all take the same steps, and those of one process but
+ * for the rounding of sums over ranks; the same bits in each run. */
+#include "angle_scenes.h"
+#include "rank_runs.h"
+
+/* The two runs of each number of ranks */
+typedef struct control_case {
+  run r;
+  msim_stats alone;
+  double *x; /* of the first run on that many ranks; NULL: this is the first */
+  double off;
+} control_case;
+
+/* All ranks have these bits. */
+static int is_common(const msim_comm *comm, double number) {
+  double most[2] = {number, -number};
+  return comm->maximum(comm->self, 2, most) == MSIM_OK && most[0] == -most[1];
+}
+
+static const char *check_control_rank(msim_comm *comm, void *data) {
+  control_case *c = data;
+  msim_options opt = c->r.opt;
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  msim_state s = {.size = sizeof s};
+  msim_stats stats = {.size = sizeof stats};
+  const char *wrong = NULL;
+  opt.comm = comm;
+  EXPECT(msim_sim_create(c->r.scene, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_run(sim, NULL, NULL, &why) == MSIM_OK);
+  EXPECT(msim_sim_state(sim, &s) == MSIM_OK && msim_sim_stats(sim, &stats) == MSIM_OK);
+  EXPECT(is_common(comm, s.h) && is_common(comm, s.t) && s.t == opt.t_end);
+  EXPECT(stats.steps == c->alone.steps && stats.rejected_steps == c->alone.rejected_steps);
+  double off = 0;
+  for (int32_t i = 0; i < 3 * s.n; i++) off = fmax(off, fabs(s.x[i] - c->r.expected.x[i]));
+  if (c->x && !has_same_bits(s.x, c->x, s.n)) wrong = "other bits in the second run";
+  double *x = comm->rank == 0 && !c->x ? copy_numbers(s.x, s.n) : NULL;
+  EXPECT(is_common(comm, off)); /* all have read c->x */
+  if (x) c->x = x, c->off = off;
+  msim_sim_destroy(sim);
+  return wrong;
+}
+
+/* Scenes have the size of 1 m: the distance from one process is a small part of what tol allows. */
+static void check_control(const char *name, const msim_scene *scene, msim_options opt) {
+  const double most = 1e-3 * (opt.tol > 0 ? opt.tol : 1e-6);
+  control_case c = {.r = {.scene = scene, .opt = opt}};
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  c.alone = stats_of(sim);
+  c.r.expected = state_of(sim);
+  for (int32_t n = 2; n <= 4; n++) {
+    for (int twice = 0; twice < 2; twice++) {
+      const char *wrong = run_ranks(n, check_control_rank, &c);
+      if (wrong) fail_msg("%s, %s, %d ranks: %s", name, opt.integrator, n, wrong);
+    }
+    print_message("%s, %s, %d ranks: dx %.1e m after %d steps, %d rejected\n", name, opt.integrator,
+                  n, c.off, (int)c.alone.steps, (int)c.alone.rejected_steps);
+    assert_true(c.off <= most);
+    free(c.x);
+    c.x = NULL;
+  }
+  msim_sim_destroy(sim);
+}
+
+static msim_options controlled(const char *method, double tol, double t_end) {
+  msim_options opt = options(method, MSIM_H_AUTO);
+  opt.steps = -1, opt.tol = tol, opt.t_end = t_end;
+  return opt;
+}
+
+static void estimates_of_methods(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(12, 400, 0.01), *mesh = random_mesh(300, 1, 0),
+             *bent = bent_scene((chain){60, 100, 0.1, 0.05, 0});
+  check_control("cloth", cloth, controlled("dop853", 0, 0.05));
+  check_control("mesh", mesh, controlled("dop853", 1e-8, 0.05));
+  check_control("mesh", mesh, controlled("bdf2", 1e-4, 0.003));
+  check_control("chain", bent, controlled("dop853", 1e-8, 0.05));
+  move_corners(cloth, 12);
+  check_control("moving pins", cloth, controlled("dop853", 1e-7, 0.02));
+  msim_scene_destroy(cloth);
+  msim_scene_destroy(mesh);
+  msim_scene_destroy(bent);
+}
+
+static void step_doubling(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(8, 400, 0.01), *mesh = random_mesh(200, 2, 0.02),
+             *jelly = pinned_block(5, 1, 300, 0);
+  check_control("mesh", mesh, controlled("rk4", 1e-5, 0.05));
+  check_control("mesh", mesh, controlled("linearly-implicit-euler", 0.03, 0.004));
+  check_control("mesh", mesh, controlled("newmark", 1e-4, 0.003));
+  check_control("cloth", cloth, controlled("velocity-verlet", 1e-5, 0.05));
+  check_control("jelly", jelly, controlled("tr-bdf2", 1e-4, 0.02));
+  msim_scene_destroy(cloth);
+  msim_scene_destroy(mesh);
+  msim_scene_destroy(jelly);
+}
+
+/* Bodies of different sizes, one of them light and fast, and loose particles: each has its own
+ * norm, on all ranks. */
+static void several_bodies(void **state) {
+  (void)state;
+  const double ball[6] = {0.2, 0.5, 3, 0.8, 0.5, 3}, mass[2] = {1, 2}, force[3 * 243] = {0, 0, 0.1},
+               k = 5;
+  msim_scene *scene = hanging_cloth(9, 400, 0);
+  for (int i = 0; i < 2; i++) {
+    const msim_rope rope = {.size = sizeof rope,
+                            .n = 80,
+                            .from = {i, 0, 1},
+                            .to = {i, 1, 1.5},
+                            .mass = 0.1,
+                            .k = i ? 40 : 900};
+    assert_ok(msim_scene_add_rope(scene, &rope, err));
+  }
+  assert_ok(msim_scene_add_particles(scene, 2, ball, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, (int32_t[]){0, 100}, &k, NULL, NULL, err));
+  assert_ok(msim_scene_set_forces(scene, force, err));
+  check_control("bodies", scene, controlled("dop853", 1e-7, 0.1));
+  check_control("bodies", scene, controlled("rk4", 1e-5, 0.1));
+  msim_scene_destroy(scene);
+}
+
+/* Frames inside steps, by dense output, which evaluates forces */
+typedef struct frames {
+  double x[16]; /* the sum of coordinates in each frame */
+  int n;
+} frames;
+
+static int sum_frame(msim_sim *sim, void *user) {
+  frames *f = user;
+  const msim_state s = state_of(sim);
+  for (int32_t i = 0; i < 3 * s.n && f->n < 16; i++) f->x[f->n] += s.x[i];
+  return f->n++ >= 16;
+}
+
+typedef struct film {
+  const msim_scene *scene;
+  msim_options opt;
+  frames alone; /* of one process */
+} film;
+
+static const char *check_frames(msim_comm *comm, void *data) {
+  const film *c = data;
+  msim_options opt = c->opt;
+  frames f = {.n = 0};
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(c->scene, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_run(sim, sum_frame, &f, &why) == MSIM_OK);
+  EXPECT(f.n == c->alone.n);
+  for (int i = 0; i < f.n; i++) EXPECT(fabs(f.x[i] - c->alone.x[i]) <= 1e-9);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void frames_inside_steps(void **state) {
+  (void)state;
+  const char *methods[] = {"dop853", "rk4", "tr-bdf2"};
+  msim_scene *mesh = random_mesh(200, 3, 0.01);
+  for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
+    film c = {.scene = mesh, .opt = controlled(methods[i], 1e-4, 0.05)};
+    c.opt.fps = 200;
+    msim_sim *sim = make_sim(mesh, &c.opt);
+    assert_ok(msim_sim_run(sim, sum_frame, &c.alone, err));
+    assert_int_equal(c.alone.n, 11);
+    msim_sim_destroy(sim);
+    const char *wrong = run_ranks(3, check_frames, &c);
+    if (wrong) fail_msg("%s: %s", methods[i], wrong);
+  }
+  msim_scene_destroy(mesh);
+}
+
+static const char *check_stop(msim_comm *comm, void *data) {
+  msim_options opt = controlled("dop853", 1e-6, 1);
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_step(sim, 5, &why) == MSIM_OK);
+  if (comm->rank == 1) msim_sim_stop(sim);
+  EXPECT(msim_sim_step(sim, 5, &why) == MSIM_STOPPED && state_of(sim).step == 6);
+  EXPECT(msim_sim_step(sim, 5, &why) == MSIM_OK && state_of(sim).step == 11);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void ranks_stop_together(void **state) {
+  (void)state;
+  msim_scene *mesh = random_mesh(200, 4, 0);
+  const char *wrong = run_ranks(3, check_stop, mesh);
+  if (wrong) fail_msg("%s", wrong);
+  msim_scene_destroy(mesh);
+}
+
+/* Of particle 30, from t = 0.01 on */
+static int32_t become_invalid(void *data, const msim_force_batch *b) {
+  (void)data;
+  for (int32_t i = 0; i < b->n; i++)
+    if (b->particles[i] == 30 && b->t > 0.01) b->f[3 * i] = NAN;
+  return 0;
+}
+
+static const char *check_shortest_step(msim_comm *comm, void *data) {
+  msim_options opt = controlled("dop853", 1e-6, 1);
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(msim_sim_run(sim, NULL, NULL, &why) == MSIM_NOT_FINITE);
+  EXPECT(strstr(why.text, "particle 30") && strstr(why.text, "failed even with h"));
+  EXPECT(has_same_text(comm, why.text) && state_of(sim).t > 0.0099);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+/* The rank that computes the particle reports it. */
+static void shortest_steps_fail_on_all_ranks(void **state) {
+  (void)state;
+  const msim_force_function function = {.size = sizeof function,
+                                        .flags = MSIM_FORCE_TIME,
+                                        .name = "becomes invalid",
+                                        .evaluate = become_invalid};
+  msim_scene *mesh = random_mesh(200, 5, 0);
+  assert_ok(msim_scene_set_force_function(mesh, &function, err));
+  for (int32_t n = 2; n <= 4; n++) {
+    const char *wrong = run_ranks(n, check_shortest_step, mesh);
+    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+  }
+  msim_scene_destroy(mesh);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(estimates_of_methods), cmocka_unit_test(step_doubling),
+      cmocka_unit_test(several_bodies),       cmocka_unit_test(frames_inside_steps),
+      cmocka_unit_test(ranks_stop_together),  cmocka_unit_test(shortest_steps_fail_on_all_ranks),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
