@@ -76,22 +76,23 @@ static double pcg_apply(ms_pcg *s) {
   return sum;
 }
 
-/* r -= alpha q,  z = D^-1 r. Returns r.z, over all ranks. */
+/* r -= alpha q,  z = D^-1 r. Returns r.z of this rank. */
 static double pcg_reduce(ms_pcg *s, double alpha) {
   double sum = 0;
   const int32_t n = pcg_run(reduce_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
-  ms_ranks_sum(s->base.system->model->shape.ranks, 1, &sum);
   return sum;
 }
 
-/* The coarse correction of r, to coarse.z, and that of the modes of ranks, to z. Returns their
- * share of r.z, over all ranks; each has a coarse space of its own unknowns. */
-static double pcg_solve_coarse(ms_pcg *s) {
-  double sum = s->coarse_is_ready ? ms_coarse_solve(&s->coarse, s->r) : 0;
-  if (s->modes && s->modes->is_ready) return ms_rank_modes_solve(s->modes, sum, s->r, s->z);
-  ms_ranks_sum(s->base.system->model->shape.ranks, 1, &sum);
-  return sum;
+/* The coarse correction of r, to coarse.z, and that of the modes of ranks, to z; each rank has a
+ * coarse space of its own unknowns. product[0]: r.D^-1 r of this rank. Returns r.B r, and
+ * product[0], over all ranks. */
+static double pcg_solve_coarse(ms_pcg *s, double product[2]) {
+  product[1] = s->coarse_is_ready ? ms_coarse_solve(&s->coarse, s->r) : 0;
+  double modes = 0;
+  if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, s->r, s->z);
+  else ms_ranks_sum(s->base.system->model->shape.ranks, 2, product);
+  return product[0] + (product[1] + modes);
 }
 
 static void pcg_advance(ms_pcg *s, double alpha, double beta) {
@@ -182,13 +183,14 @@ static msim_status pcg_iterate(ms_pcg *s, double goal, int64_t limit, int64_t *i
   ms_vector_clear_all(shape, s->q);
   ms_vector_clear_all(shape, s->p);
   for (;; ++*iterations) {
-    double rho_new = pcg_reduce(s, alpha);
-    const int done = rho_new <= goal * goal;
+    double product[2] = {pcg_reduce(s, alpha)}, rho_new = 0;
+    if (s->modes) rho_new = pcg_solve_coarse(s, product); /* one message for both products */
+    const int done = product[0] <= goal * goal;
     if (done || *iterations >= limit) {
       ms_vector_axpy(shape, alpha, s->p, s->y);
       return done ? MSIM_OK : MSIM_NOT_CONVERGED;
     }
-    rho_new += pcg_solve_coarse(s);
+    if (!s->modes) rho_new = pcg_solve_coarse(s, product);
     pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
     rho = rho_new;
     const double curvature = pcg_apply(s);
@@ -237,8 +239,8 @@ static int descend_once(ms_pcg *s, const ms_descent_target *d, const double *b, 
     ms_vector_clear_all(shape, vectors[i]);
   ms_vector_axpy(shape, 1 / s->jacobi.scale, b, s->r);
   for (int32_t i = 0; curvature > 0; i++, ++*iterations) {
-    double rho_new = pcg_reduce(s, alpha);
-    rho_new += pcg_solve_coarse(s);
+    double product[2] = {pcg_reduce(s, alpha)};
+    const double rho_new = pcg_solve_coarse(s, product);
     if (i == 0) goal = d->rtol * d->rtol * rho_new;
     if (rho_new <= goal || i >= d->max_iterations) break;
     pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
@@ -272,8 +274,7 @@ static void pcg_precondition(ms_linear *base, const double *r, double *z) {
   s->y = s->q; /* y += 0 p */
   ms_vector_copy(shape, r, s->r);
   ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);
-  pcg_reduce(s, 0);
-  pcg_solve_coarse(s);
+  pcg_solve_coarse(s, (double[2]){pcg_reduce(s, 0)});
   pcg_advance(s, 0, 0);
   ms_vector_copy(shape, s->p, z);
 }

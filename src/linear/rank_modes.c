@@ -6,7 +6,7 @@
 #include "physics/angle_springs.h"
 #include "physics/rank_model.h"
 
-enum { WEIGHTS = 4, NONE = -1 };
+enum { WEIGHTS = 4, PRODUCTS = 2, NONE = -1 };
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -134,8 +134,9 @@ static msim_status create_matrix(ms_rank_modes *q, msim_error *err) {
                                            graph.ptr[q->model->shape.ranks->rank]);
   if (!status && MS_NEW(alloc, q->index, n) && MS_NEW(alloc, q->bytes, n) &&
       MS_NEW(alloc, q->place, blocks) && MS_NEW(alloc, q->own, own * block * block) &&
-      MS_NEW(alloc, q->all, blocks * block * block) && MS_NEW(alloc, q->message, 1 + block) &&
-      MS_NEW(alloc, q->messages, n * (1 + block)) && MS_NEW(alloc, q->z, n * block) &&
+      MS_NEW(alloc, q->all, blocks * block * block) &&
+      MS_NEW(alloc, q->message, PRODUCTS + block) &&
+      MS_NEW(alloc, q->messages, n * (PRODUCTS + block)) && MS_NEW(alloc, q->z, n * block) &&
       (graph.n <= MS_RANK_MODES_FACTOR || MS_NEW(alloc, q->inverse, n * block * block)))
     list_blocks(&graph, q);
   else status = ms_error_set_memory(err, "the modes of the ranks");
@@ -271,15 +272,15 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
 
 /*------------------------------------- solving --------------------------------------------------*/
 
-/* message = share and Q^T r */
-static void restrict_residual(ms_rank_modes *q, double share, const double *r) {
+/* message = products and Q^T r */
+static void restrict_residual(ms_rank_modes *q, const double product[2], const double *r) {
   const ms_unknowns *rows = &q->model->unknowns;
   const int32_t modes = 1 + rows->dims;
-  memset(q->message, 0, (size_t)(q->chol.block + 1) * sizeof *q->message);
-  q->message[0] = share;
+  memset(q->message, 0, (size_t)(q->chol.block + PRODUCTS) * sizeof *q->message);
+  memcpy(q->message, product, PRODUCTS * sizeof *product);
   for (int32_t c = 0; c < rows->dims; c++) {
     const double *from = r + (size_t)c * (size_t)rows->stride;
-    double *to = q->message + 1 + modes * c;
+    double *to = q->message + PRODUCTS + modes * c;
     for (int32_t i = 0; i < rows->nfree; i++)
       for (int32_t k = 0; k < modes; k++)
         to[k] += q->weight[WEIGHTS * (size_t)i + (size_t)k] * from[i];
@@ -299,16 +300,15 @@ static void add_correction(const ms_rank_modes *q, const double *solution, doubl
   }
 }
 
-/* z = b, of all ranks. Returns the sum of their shares. */
-static double take_messages(ms_rank_modes *q) {
+/* z = b and the sums of both products, of all ranks */
+static void take_messages(ms_rank_modes *q, double product[2]) {
   const size_t block = (size_t)q->chol.block;
-  double sum = 0;
+  product[0] = product[1] = 0;
   for (size_t r = 0; r < (size_t)q->chol.n; r++) {
-    const double *from = q->messages + (block + 1) * r;
-    sum += from[0];
-    memcpy(q->z + block * r, from + 1, block * sizeof *from);
+    const double *from = q->messages + (block + PRODUCTS) * r;
+    for (int k = 0; k < PRODUCTS; k++) product[k] += from[k];
+    memcpy(q->z + block * r, from + PRODUCTS, block * sizeof *from);
   }
-  return sum;
 }
 
 /* z = (Q^T A Q)^-1 b by the factor, alike on all ranks. Returns b.z. */
@@ -318,7 +318,7 @@ static double solve_by_factor(ms_rank_modes *q, double *solution) {
   ms_block_cholesky_solve(&q->chol, q->z);
   for (size_t r = 0; r < (size_t)q->chol.n; r++)
     for (size_t i = 0; i < block; i++)
-      sum += q->messages[(block + 1) * r + 1 + i] * q->z[block * r + i];
+      sum += q->messages[(block + PRODUCTS) * r + PRODUCTS + i] * q->z[block * r + i];
   memcpy(solution, q->z + block * (size_t)q->model->shape.ranks->rank, block * sizeof *solution);
   return sum;
 }
@@ -330,21 +330,21 @@ static double multiply_by_inverse(const ms_rank_modes *q, double *solution) {
   for (size_t i = 0; i < block; i++) {
     solution[i] = 0;
     for (size_t k = 0; k < n; k++) solution[i] += q->inverse[n * i + k] * q->z[k];
-    sum += q->message[1 + i] * solution[i];
+    sum += q->message[PRODUCTS + i] * solution[i];
   }
   ms_ranks_sum(q->model->shape.ranks, 1, &sum);
   return sum;
 }
 
-double ms_rank_modes_solve(ms_rank_modes *q, double share, const double *r, double *z) {
+double ms_rank_modes_solve(ms_rank_modes *q, double product[2], const double *r, double *z) {
   ms_ranks *ranks = q->model->shape.ranks;
   double solution[MS_BLOCK_CHOLESKY_MAX_BLOCK];
-  restrict_residual(q, share, r);
-  ms_ranks_gather(ranks, (int64_t)((size_t)(1 + q->chol.block) * sizeof *q->message), q->message,
-                  q->messages);
-  if (ranks->failed) return NAN;
-  double sum = take_messages(q);
-  sum += q->inverse ? multiply_by_inverse(q, solution) : solve_by_factor(q, solution);
+  restrict_residual(q, product, r);
+  ms_ranks_gather(ranks, (int64_t)((size_t)(PRODUCTS + q->chol.block) * sizeof *q->message),
+                  q->message, q->messages);
+  if (ranks->failed) return product[0] = product[1] = NAN;
+  take_messages(q, product);
+  const double sum = q->inverse ? multiply_by_inverse(q, solution) : solve_by_factor(q, solution);
   add_correction(q, solution, z);
   return sum;
 }

@@ -26,7 +26,7 @@ typedef struct ms_rank_modes {
   double *own, *all;          /* blocks of this rank; those of all ranks, in their order */
   int64_t *bytes;             /* nranks: of the blocks of each */
   int32_t *place;             /* where each of `all` is in chol.value */
-  double *message, *messages; /* 1 + chol.block, of each rank */
+  double *message, *messages; /* 2 + chol.block, of each rank */
   double *z;                  /* chol.block nranks: b, then the solution */
   double *inverse;            /* own rows of (Q^T A Q)^-1, one after the other; NULL: few ranks */
   int is_ready;               /* 1: factored */
@@ -39,8 +39,8 @@ void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *modes);
 /* Factor Q^T (by A) Q; collective. Where it is not positive definite, nothing is ready. */
 void ms_rank_modes_factor(ms_rank_modes *modes, const ms_coefficients *a, double by);
 
-/* z += Q (Q^T A Q)^-1 Q^T r on the unknowns of this rank. Returns r.(what is added) plus `share`,
- * both summed over all ranks; collective. */
-double ms_rank_modes_solve(ms_rank_modes *modes, double share, const double *r, double *z);
+/* z += Q (Q^T A Q)^-1 Q^T r on the unknowns of this rank. Returns r.(what is added), and in
+ * product[] the sums of both numbers, over all ranks; one gather. */
+double ms_rank_modes_solve(ms_rank_modes *modes, double product[2], const double *r, double *z);
 
 #endif
