@@ -20,10 +20,15 @@ uint64_t h5_slot_hash(const uint64_t *slot) {
   return h.sum;
 }
 
-uint64_t h5_frame_hash(int64_t n, const msim_frame *frame) {
-  hash h = {0, 0};
-  h5_hash_words(&h, 3 * (size_t)n, frame->v);
-  h5_hash_words(&h, 3 * (size_t)n, frame->x);
+uint64_t h5_rows_hash(int64_t n, const msim_frame *frame, int64_t first, int64_t rows) {
+  hash v = {.count = 3 * (uint64_t)first}, x = {.count = 3 * (uint64_t)(n + first)};
+  h5_hash_words(&v, 3 * (size_t)rows, frame->v);
+  h5_hash_words(&x, 3 * (size_t)rows, frame->x);
+  return v.sum + x.sum;
+}
+
+uint64_t h5_frame_rest_hash(int64_t n, const msim_frame *frame) {
+  hash h = {.count = 6 * (uint64_t)n};
   h5_hash_words(&h, 1, &frame->t);
   h5_hash_words(&h, 1, &frame->step);
   return h.sum;

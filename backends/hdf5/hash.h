@@ -13,7 +13,9 @@ void h5_hash_words(hash *h, size_t count, const void *words);
 
 /* Hash of all words but the first. */
 uint64_t h5_slot_hash(const uint64_t *slot);
-uint64_t h5_frame_hash(int64_t n, const msim_frame *frame);
+/* Hash of a frame of n particles: of the v and x of some, and of what is left */
+uint64_t h5_rows_hash(int64_t n, const msim_frame *frame, int64_t first, int64_t rows);
+uint64_t h5_frame_rest_hash(int64_t n, const msim_frame *frame);
 uint64_t h5_static_hash(const msim_recording *what);
 
 #endif

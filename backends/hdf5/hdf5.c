@@ -4,16 +4,33 @@
 #include "hash.h"
 #include "resume.h"
 
-/* Hosts of older versions give no strain and no reactions: the file has zeros. */
-static void write_column(recorder *r, int i, const entry *e) {
+/* 1: the rows of a column that several ranks share */
+static int is_shared(shape s) { return s == VECTOR || s == SINGLE; }
+
+/* Write `rows` rows of a frame, from `first` on. Hosts of older versions give no strain and no
+ * reactions: the file has zeros. */
+static void write_rows(recorder *r, int i, const entry *e, int64_t frame, int64_t first,
+                       int64_t rows) {
   const shape s = h5_columns[i].shape;
-  const hsize_t rows = h5_frame_rows(r, s);
   const void *data = (const char *)e + h5_columns[i].source;
   if (s == VECTOR) data = *(const double *const *)data;
   if (s == SINGLE || s == FORCE) data = *(const float *const *)data;
   if (!data || !h5_has_column(r, &h5_columns[i])) return;
   h5_doing(r, "write", h5_columns[i].path);
-  h5_put(r, r->column[i], s, (hsize_t)r->written * rows, rows, data);
+  h5_put(r, r->column[i], s, (hsize_t)frame * h5_frame_rows(r, s) + (hsize_t)first, (hsize_t)rows,
+         data);
+}
+
+static void write_column(recorder *r, int i, const entry *e) {
+  write_rows(r, i, e, r->written, 0, (int64_t)h5_frame_rows(r, h5_columns[i].shape));
+}
+
+static void write_shared_rows(recorder *r, const entry *e, const msim_frame_part *part) {
+  for (int i = 0; i < COMMIT; i++) {
+    const shape s = h5_columns[i].shape;
+    if (s == VECTOR) write_rows(r, i, e, part->frame, part->first, part->n);
+    if (s == SINGLE) write_rows(r, i, e, part->frame, part->first_cell, part->ncells);
+  }
 }
 
 static void write_checkpoint(recorder *r, const msim_frame *frame) {
@@ -50,9 +67,10 @@ static void uncommit_frames(recorder *r) {
     h5_put(r, commit, WHOLE, (hsize_t)--r->committed, 1, &(int64_t){1});
 }
 
-static void write_frame_entry(recorder *r, const entry *e) {
-  uncommit_frames(r);
-  for (int i = 0; i < COMMIT; i++) write_column(r, i, e);
+/* Write all but the shared rows, and commit the frame. */
+static void commit_entry(recorder *r, const entry *e) {
+  for (int i = 0; i < COMMIT; i++)
+    if (!is_shared(h5_columns[i].shape)) write_column(r, i, e);
   write_checkpoint(r, &e->frame);
   h5_flush(r);
   write_column(r, COMMIT, e);
@@ -79,9 +97,9 @@ static msim_status close_recorder(void *self) {
 #define COPY_KNOWN_MEMBERS(mine, given) \
   memcpy(&(mine), given, (given)->size < sizeof(mine) ? (given)->size : sizeof(mine))
 
-/* Create the file if `from` is NULL, else resume it. */
+/* Create the file, resume it if `from` is not NULL, or join its writers. */
 static msim_status start_recorder(const msim_host *host, const msim_recording *given,
-                                  msim_resumption *from, void **self) {
+                                  msim_resumption *from, int joins, void **self) {
   msim_recording what = {0};
   COPY_KNOWN_MEMBERS(what, given);
   const char *name = what.name ? what.name : what.path;
@@ -101,7 +119,8 @@ static msim_status start_recorder(const msim_host *host, const msim_recording *g
                   .sync = what.sync};
   memcpy(r->name, name, strlen(name) + 1);
   for (int32_t p = 0; p < what.n && what.pinned; p++) r->has_pins |= what.pinned[p];
-  if (from) WITH_LIBRARY(host, h5_resume(r, &what, from));
+  if (joins) WITH_LIBRARY(host, h5_join(r, &what));
+  else if (from) WITH_LIBRARY(host, h5_resume(r, &what, from));
   else WITH_LIBRARY(host, h5_create(r, &what));
   if (r->fault.status != MSIM_OK) return close_recorder(r);
   *self = r;
@@ -109,13 +128,17 @@ static msim_status start_recorder(const msim_host *host, const msim_recording *g
 }
 
 static msim_status open_recorder(const msim_host *host, const msim_recording *what, void **self) {
-  return start_recorder(host, what, NULL, self);
+  return start_recorder(host, what, NULL, 0, self);
+}
+
+static msim_status join_recorder(const msim_host *host, const msim_recording *what, void **self) {
+  return start_recorder(host, what, NULL, 1, self);
 }
 
 static msim_status resume_recorder(const msim_host *host, const msim_recording *what,
                                    msim_resumption *from, void **self) {
   msim_resumption found = {.size = from->size};
-  const msim_status status = start_recorder(host, what, &found, self);
+  const msim_status status = start_recorder(host, what, &found, 0, self);
   memcpy(from, &found, found.size < sizeof found ? found.size : sizeof found);
   return status;
 }
@@ -127,19 +150,46 @@ static int32_t recognize_file(const msim_host *host, const char *path) {
   return ours;
 }
 
-static msim_status write_frame(void *self, const msim_frame *frame) {
+static msim_status begin_frame(void *self) {
   recorder *r = self;
   if (r->written == r->nframes) {
     r->host->fail(r->host, "%s: all %lld planned frames have been written already", r->name,
                   (long long)r->nframes);
     return MSIM_ERR_ARG;
   }
+  WITH_LIBRARY(r->host, uncommit_frames(r));
+  return h5_report(r);
+}
+
+/* Rows of other processes than the one that commits the frame reach the file here. */
+static msim_status write_part(void *self, const msim_frame *frame, const msim_frame_part *part,
+                              uint64_t *sum) {
+  recorder *r = self;
   entry e = {.part = 0};
   COPY_KNOWN_MEMBERS(e.frame, frame);
-  e.hash = h5_frame_hash(r->n, frame);
-  WITH_LIBRARY(r->host, write_frame_entry(r, &e));
+  *sum = h5_rows_hash(r->n, frame, part->first, part->n);
+  WITH_LIBRARY(r->host, write_shared_rows(r, &e, part); if (part->n < r->n) h5_flush(r));
+  return h5_report(r);
+}
+
+static msim_status commit_frame(void *self, const msim_frame *frame, uint64_t sum) {
+  recorder *r = self;
+  entry e = {.part = 0};
+  COPY_KNOWN_MEMBERS(e.frame, frame);
+  e.hash = sum + h5_frame_rest_hash(r->n, frame);
+  WITH_LIBRARY(r->host, commit_entry(r, &e));
   if (r->fault.status == MSIM_OK) r->committed = ++r->written;
   return h5_report(r);
+}
+
+static msim_status write_frame(void *self, const msim_frame *frame) {
+  const recorder *r = self;
+  const msim_frame_part all = {
+      .size = sizeof all, .frame = r->written, .n = (int32_t)r->n, .ncells = r->ncells};
+  uint64_t sum;
+  msim_status status = begin_frame(self);
+  if (!status) status = write_part(self, frame, &all, &sum);
+  return status ? status : commit_frame(self, frame, sum);
 }
 
 MSIM_RECORDER_ENTRY(hdf5) {
@@ -155,6 +205,10 @@ MSIM_RECORDER_ENTRY(hdf5) {
       .close = close_recorder,
       .resume = resume_recorder,
       .recognize = recognize_file,
+      .join = join_recorder,
+      .begin = begin_frame,
+      .write_part = write_part,
+      .commit = commit_frame,
   };
   return &type;
 }

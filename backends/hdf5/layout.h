@@ -13,6 +13,10 @@
  * have 707 kB in place of 452; its positions and velocities have 197). So is Reaction, which files
  * have where particles were pinned when they were created.
  *
+ * Several processes may write rows of Points, Velocity, Strain and Tension: as space is allocated
+ * and metadata do not change, they need not know of each other. One of them has created or resumed
+ * the file, writes all else, and commits a frame when the others have written their rows.
+ *
  * /msim/frames/NCommitted is the number of committed frames. It is written after each commit, and
  * lowered before frames are withdrawn: after a crash it may be too small, but is never too large.
  * Closing the file corrects it.

@@ -284,6 +284,15 @@ void h5_resume(recorder *r, const msim_recording *what, msim_resumption *from) {
   from->checkpoint_length = r->words[SLOT_LENGTH];
 }
 
+void h5_join(recorder *r, const msim_recording *what) {
+  h5_doing(r, "open", "the file");
+  h5_open_file(r, what->path, GO_ON);
+  check_counts(r, what);
+  open_columns(r);
+  h5_drop(r, H5Dclose, r->count); /* that of the other process */
+  r->count = H5I_INVALID_HID;
+}
+
 int h5_recognize(recorder *r, const char *path) {
   h5_open_file(r, path, LOOK);
   const int ours = is_msim_file(r);

@@ -452,8 +452,8 @@ MSIM_API void msim_comm_close(msim_comm *comm);
  * msim_options.recorders, .csv, .html and .pvd (built in), .vtkhdf (plugin hdf5), or the plugin
  * with that name, see recorder.h. Its functions also return plugin statuses. It must be closed
  * before its sim is destroyed.
- * Where several ranks share the scene, all call its functions, and rank 0 alone has the file, which
- * any number of ranks resumes. */
+ * Where several ranks share the scene, all call its functions; rank 0 creates the file, and any
+ * number of ranks resumes it. */
 typedef struct msim_recorder msim_recorder;
 
 /* Open a file for the frames that the options of the sim define. The file appears under its name as

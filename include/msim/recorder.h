@@ -78,6 +78,16 @@ typedef struct msim_frame {
   const double *poses;
 } msim_frame;
 
+/* The rows of a frame that one of several ranks writes: of particles, and of cells, springs and
+ * then faces. In the frame x and v begin with the first of these particles, strain and tension
+ * with the first of these cells. */
+typedef struct msim_frame_part {
+  size_t size;
+  int64_t frame; /* number of the frame in the file, from 0 on */
+  int32_t first, n;
+  int64_t first_cell, ncells;
+} msim_frame_part;
+
 /* The point at which a file is resumed. Borrowed until the next call with the recorder. */
 typedef struct msim_resumption {
   size_t size;
@@ -115,6 +125,16 @@ struct msim_recorder_type {
   /* 1: nframes and times are not read, so that frames may be recorded whose number is not known, as
    * that of all steps under error control. */
   int32_t open_ended;
+
+  /* Several ranks write one file: all four, or none. Rank 0 opens or resumes it; then the others
+   * join(), for which `times` and `scene` are NULL. After begin() on rank 0 all ranks write their
+   * parts of a frame; then commit() on rank 0 writes all else and has the sum, modulo 2^64, of the
+   * hashes that write_part() has returned. The other ranks write nothing else. */
+  msim_status (*join)(const msim_host *host, const msim_recording *what, void **self);
+  msim_status (*begin)(void *self);
+  msim_status (*write_part)(void *self, const msim_frame *frame, const msim_frame_part *part,
+                            uint64_t *hash);
+  msim_status (*commit)(void *self, const msim_frame *frame, uint64_t hash);
 };
 
 #define MSIM_RECORDER_SIZE_1 (offsetof(msim_recorder_type, close) + sizeof(void (*)(void *)))

@@ -1,7 +1,8 @@
 /* recorder - write and resume trajectory files (msim_recorder_*), by plugins for their formats
  *
- * Where several ranks share the scene, rank 0 has the file and writes the state and the checkpoint
- * that all ranks gather; each function ends with an agreement on its status. */
+ * Where several ranks share the scene, rank 0 opens the file and writes the checkpoint that all
+ * ranks gather. All write rows of each frame (rank_frames.h) if the plugin provides for that, else
+ * rank 0 has all of them. Each function ends with an agreement on its status. */
 #include <math.h>
 #include <string.h>
 
@@ -9,6 +10,7 @@
 #include "base/plugin.h"
 #include "checkpoint/checkpoint.h"
 #include "record/output_file.h"
+#include "record/rank_frames.h"
 #include "record/recorders.h"
 #include "record/strain.h"
 #include "sim/frames.h"
@@ -17,7 +19,7 @@
 struct msim_recorder {
   msim_sim *sim;
   const msim_recorder_type *type;
-  void *self; /* NULL: closed, or on another rank than 0 */
+  void *self; /* NULL: closed, or on another rank than 0 that writes no rows */
   ms_plugin_host host;
   ms_output_file file;
   void *checkpoint; /* buffer; NULL: on another rank than 0, or the format has none */
@@ -28,6 +30,7 @@ struct msim_recorder {
   double t_kept;
   int64_t edits;         /* sim->edits when the recorder was opened */
   uint64_t springs_hash; /* of particles and springs then */
+  ms_rank_frames frames; /* of a rank that writes rows */
 };
 
 /*------------------------------------- edited sims ----------------------------------------------*/
@@ -89,40 +92,44 @@ static void free_recording_plan(const msim_recorder *r, recording_plan *a) {
   ms_text_free(&a->scene);
 }
 
-static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a, msim_error *err) {
+/* All but times and scene */
+static msim_recording describe_recording(const msim_recorder *r, int64_t nframes) {
   const ms_scene *scene = r->sim->scene;
+  msim_recording what = {.size = sizeof what,
+                         .path = r->file.path,
+                         .name = r->file.path,
+                         .n = scene->nparticles,
+                         .nsprings = scene->nsprings,
+                         .ij = scene->ij,
+                         .mass = scene->mass,
+                         .k = scene->k,
+                         .rest = scene->rest,
+                         .nframes = nframes,
+                         .checkpoint_capacity = r->capacity,
+                         .sync = r->sim->config.opt.sync,
+                         .pinned = scene->pinned,
+                         .damping = scene->damping,
+                         .nfaces = scene->nfaces,
+                         .faces = scene->faces,
+                         .nplanes = scene->nplanes,
+                         .planes = scene->planes,
+                         .title = scene->name,
+                         .ncolliders = scene->ncolliders,
+                         .colliders = scene->colliders};
+  memcpy(what.gravity, scene->external.gravity, sizeof what.gravity);
+  return what;
+}
+
+static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a, msim_error *err) {
   int64_t nframes;
   *a = (recording_plan){.scene = {.alloc = &r->sim->alloc}};
   msim_status status = count_frames(r, &nframes, err);
   if (status) return status;
   a->times = plan_times(r->sim, nframes);
-  status = a->times ? ms_scene_write_json(scene, &a->scene, err)
+  status = a->times ? ms_scene_write_json(r->sim->scene, &a->scene, err)
                     : ms_error_set_memory(err, "the times of the frames");
-  a->what = (msim_recording){.size = sizeof a->what,
-                             .path = r->file.path,
-                             .name = r->file.path,
-                             .n = scene->nparticles,
-                             .nsprings = scene->nsprings,
-                             .ij = scene->ij,
-                             .mass = scene->mass,
-                             .k = scene->k,
-                             .rest = scene->rest,
-                             .nframes = nframes,
-                             .times = a->times,
-                             .scene = a->scene.data,
-                             .scene_length = a->scene.length,
-                             .checkpoint_capacity = r->capacity,
-                             .sync = r->sim->config.opt.sync,
-                             .pinned = scene->pinned,
-                             .damping = scene->damping,
-                             .nfaces = scene->nfaces,
-                             .faces = scene->faces,
-                             .nplanes = scene->nplanes,
-                             .planes = scene->planes,
-                             .title = scene->name,
-                             .ncolliders = scene->ncolliders,
-                             .colliders = scene->colliders};
-  memcpy(a->what.gravity, scene->external.gravity, sizeof a->what.gravity);
+  a->what = describe_recording(r, nframes);
+  a->what.times = a->times, a->what.scene = a->scene.data, a->what.scene_length = a->scene.length;
   if (status) free_recording_plan(r, a);
   return status;
 }
@@ -194,6 +201,16 @@ static msim_status open_for_resume(msim_recorder *r, const char *path, msim_resu
 
 static int has_file(const msim_sim *sim) { return !sim->ranks || sim->ranks->rank == 0; }
 
+/* Open the file, which rank 0 has opened, for the rows of this rank. */
+static msim_status join_file(msim_recorder *r, msim_error *err) {
+  int64_t nframes;
+  msim_status status = has_file(r->sim) ? MSIM_OK : count_frames(r, &nframes, err);
+  if (status || has_file(r->sim)) return status;
+  const msim_recording what = describe_recording(r, nframes);
+  status = r->type->join(&r->host.base, &what, &r->self);
+  return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : MSIM_OK;
+}
+
 /* Set the sim to the state of a checkpoint, which rank 0 passes to all; collective. */
 static msim_status load_checkpoint(msim_sim *sim, const msim_resumption *from, msim_error *err) {
   int64_t length = (int64_t)from->checkpoint_length;
@@ -213,9 +230,10 @@ static msim_status load_checkpoint(msim_sim *sim, const msim_resumption *from, m
 /* Continue from the last frame of the file, which rank 0 has opened; collective. */
 static msim_status continue_run(msim_recorder *r, const msim_resumption *from, msim_error *err) {
   msim_error why;
-  int32_t has_frames = from->frames > 0;
-  ms_ranks_broadcast(r->sim->ranks, 0, sizeof has_frames, &has_frames);
-  if (!has_frames) return MSIM_OK;
+  int64_t frames = from->frames;
+  ms_ranks_broadcast(r->sim->ranks, 0, sizeof frames, &frames);
+  if (frames == 0) return MSIM_OK;
+  r->frames.part.frame = frames;
   msim_status status = load_checkpoint(r->sim, from, &why);
   if (!status) status = check_topology(r, &why);
   if (status) return ms_error_set(err, status, "%s cannot be resumed: %s", r->file.path, why.text);
@@ -253,9 +271,11 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   if (MS_RECORDERS_HAS(type, resume)) r->capacity = msim_sim_save_size(sim);
   if (!MS_NEW(&sim->alloc, r->poses, 6 * (size_t)sim->scene->ncolliders))
     return ms_error_set_memory(err, "a recorder");
-  if (!has_file(sim)) return MSIM_OK;
-  status = ms_strain_init(&r->strain, sim->scene, &sim->alloc, err);
-  if (status || r->capacity == 0) return status;
+  status = ms_rank_frames_init(&r->frames, type, sim, err);
+  if (!status && (r->frames.ranks || has_file(sim)))
+    status = ms_strain_init(&r->strain, sim->scene, ms_rank_frames_cells(&r->frames, sim->scene),
+                            has_file(sim), &sim->alloc, err);
+  if (status || r->capacity == 0 || !has_file(sim)) return status;
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
   return r->checkpoint ? MSIM_OK : ms_error_set_memory(err, "a checkpoint");
 }
@@ -265,6 +285,7 @@ static void destroy_recorder(msim_recorder *r) {
   ms_output_file_release(&r->file);
   MS_FREE(&r->sim->alloc, r->checkpoint, r->poses);
   ms_strain_free(&r->strain, &r->sim->alloc);
+  ms_rank_frames_free(&r->frames, &r->sim->alloc);
   ms_memory_free(&r->sim->alloc, r);
 }
 
@@ -288,6 +309,7 @@ static msim_status open_at(msim_sim *sim, const char *path, int how, msim_record
   msim_status status = create_recorder(sim, path, &r, err);
   if (!status) status = open_file(r, path, how, &from, err);
   status = ms_ranks_agree(sim->ranks, status, err);
+  if (!status && r->frames.ranks) status = ms_ranks_agree(sim->ranks, join_file(r, err), err);
   if (!status && how == RESUME)
     status = ms_ranks_agree(sim->ranks, continue_run(r, &from, err), err);
   ms_sim_count_output(sim, ms_clock_now() - start);
@@ -336,16 +358,19 @@ static const double *get_poses(msim_recorder *r, double t) {
 }
 
 static msim_status write_frame(msim_recorder *r, msim_frame *frame, msim_error *err) {
+  msim_status status = MSIM_OK;
   add_checkpoint(r, frame);
-  if (!has_file(r->sim)) return MSIM_OK;
-  const msim_status status = r->type->write(r->self, frame);
+  if (r->frames.ranks)
+    return ms_rank_frames_write(&r->frames, r->type, r->self, &r->host, frame, err);
+  if (has_file(r->sim)) status = r->type->write(r->self, frame);
   return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : MSIM_OK;
 }
 
 static msim_status record_state(msim_recorder *r, const msim_state *state, msim_error *err) {
   msim_energy energy = {.size = sizeof energy};
   msim_sim_energy(r->sim, &energy);
-  if (has_file(r->sim)) ms_strain_compute(&r->strain, r->sim->scene, state->x, state->v);
+  if (r->strain.strain || has_file(r->sim))
+    ms_strain_compute(&r->strain, r->sim->scene, state->x, state->v);
   msim_frame frame = {.size = sizeof frame,
                       .step = state->step,
                       .t = state->t,

@@ -40,11 +40,21 @@ static int fill_table(spring_table *t, int32_t nsprings, const msim_allocator *a
   return 1;
 }
 
+/* The first face in `cells`, or the one that would follow */
+static int64_t first_face(const ms_strain *s, const ms_scene *scene) {
+  return s->cells.first > scene->nsprings ? s->cells.first - scene->nsprings : 0;
+}
+
+static int64_t end_face(const ms_strain *s, const ms_scene *scene) {
+  const int64_t end = s->cells.first + s->cells.n - scene->nsprings;
+  return end > first_face(s, scene) ? end : first_face(s, scene);
+}
+
 static void find_edges(ms_strain *s, const ms_scene *scene, const spring_table *t) {
-  for (size_t i = 0; i < (size_t)scene->nfaces; i++) {
+  int32_t *edge = s->edge;
+  for (int64_t i = first_face(s, scene); i < end_face(s, scene); i++) {
     const int32_t *corner = scene->faces + 3 * i;
-    for (int c = 0; c < 3; c++)
-      s->edge[3 * i + (size_t)c] = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
+    for (int c = 0; c < 3; c++) *edge++ = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
   }
 }
 
@@ -59,14 +69,14 @@ static int allocate_reactions(ms_strain *s, const ms_scene *scene, const msim_al
   return !has_pins(scene) || (MS_NEW(alloc, s->exact, n) && MS_NEW(alloc, s->reaction, n));
 }
 
-msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_allocator *alloc,
-                           msim_error *err) {
-  const size_t cells = (size_t)scene->nsprings + (size_t)scene->nfaces;
+msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, ms_cell_range cells, int reactions,
+                           const msim_allocator *alloc, msim_error *err) {
   spring_table table = {.ij = scene->ij};
-  *s = (ms_strain){NULL};
-  if (!MS_NEW(alloc, s->edge, 3 * (size_t)scene->nfaces) || !MS_NEW(alloc, s->strain, cells) ||
-      !MS_NEW(alloc, s->tension, cells) || !allocate_reactions(s, scene, alloc) ||
-      (scene->nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
+  *s = (ms_strain){.cells = cells};
+  const int64_t nfaces = end_face(s, scene) - first_face(s, scene);
+  if (!MS_NEW(alloc, s->edge, 3 * (size_t)nfaces) || !MS_NEW(alloc, s->strain, cells.n) ||
+      !MS_NEW(alloc, s->tension, cells.n) || (reactions && !allocate_reactions(s, scene, alloc)) ||
+      (nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
     return ms_error_set_memory(err, "the strain of a frame");
   find_edges(s, scene, &table);
   ms_memory_free(alloc, table.entries);
@@ -75,22 +85,45 @@ msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_alloc
 
 void ms_strain_free(ms_strain *s, const msim_allocator *alloc) {
   MS_FREE(alloc, s->edge, s->strain, s->tension, s->exact, s->reaction);
-  *s = (ms_strain){NULL};
+  *s = (ms_strain){0};
 }
 
 /*------------------------------------- a frame --------------------------------------------------*/
 
 static float to_float(double value) { return (float)fmax(fmin(value, FLT_MAX), -FLT_MAX); }
 
-static float mean(const float *values, const int32_t edge[3]) {
-  double sum = 0;
+/* Strain and tension of one cell */
+typedef struct cell {
+  float strain, tension;
+} cell;
+
+static cell compute_spring(const ms_scene *scene, int32_t e, const double *x) {
+  const double *a = x + 3 * (size_t)scene->ij[2 * (size_t)e];
+  const double *b = x + 3 * (size_t)scene->ij[2 * (size_t)e + 1];
+  const double rest = scene->rest[e];
+  const double length = ms_vec3_norm((double[]){b[0] - a[0], b[1] - a[1], b[2] - a[2]});
+  return (cell){rest > 0 ? to_float((length - rest) / rest) : 0,
+                to_float(ms_law_value_of(scene, e, length).force)};
+}
+
+/* That of another range is computed again. */
+static cell get_spring(const ms_strain *s, const ms_scene *scene, int32_t e, const double *x) {
+  const int64_t at = e - s->cells.first;
+  if (at < 0 || at >= s->cells.n) return compute_spring(scene, e, x);
+  return (cell){s->strain[at], s->tension[at]};
+}
+
+static cell compute_face(const ms_strain *s, const ms_scene *scene, const int32_t edge[3],
+                         const double *x) {
+  double strain = 0, tension = 0;
   int count = 0;
   for (int c = 0; c < 3; c++) {
     if (edge[c] < 0) continue;
-    sum += (double)values[edge[c]];
+    const cell side = get_spring(s, scene, edge[c], x);
+    strain += (double)side.strain, tension += (double)side.tension;
     count++;
   }
-  return count ? (float)(sum / count) : 0;
+  return count ? (cell){(float)(strain / count), (float)(tension / count)} : (cell){0, 0};
 }
 
 static void compute_reactions(ms_strain *s, const ms_scene *scene, const double *x,
@@ -101,18 +134,14 @@ static void compute_reactions(ms_strain *s, const ms_scene *scene, const double 
 }
 
 void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x, const double *v) {
+  const int32_t *edge = s->edge;
   compute_reactions(s, scene, x, v);
-  for (int32_t k = 0; k < scene->nsprings; k++) {
-    const double *a = x + 3 * (size_t)scene->ij[2 * (size_t)k];
-    const double *b = x + 3 * (size_t)scene->ij[2 * (size_t)k + 1];
-    const double rest = scene->rest[k];
-    const double length = ms_vec3_norm((double[]){b[0] - a[0], b[1] - a[1], b[2] - a[2]});
-    s->strain[k] = rest > 0 ? to_float((length - rest) / rest) : 0;
-    s->tension[k] = to_float(ms_law_value_of(scene, k, length).force);
-  }
-  for (int32_t i = 0; i < scene->nfaces; i++) {
-    const int32_t *edge = s->edge + 3 * (size_t)i;
-    s->strain[scene->nsprings + i] = mean(s->strain, edge);
-    s->tension[scene->nsprings + i] = mean(s->tension, edge);
+  for (int64_t k = 0; k < s->cells.n; k++) {
+    const int64_t number = s->cells.first + k;
+    const int is_spring = number < scene->nsprings;
+    const cell it =
+        is_spring ? compute_spring(scene, (int32_t)number, x) : compute_face(s, scene, edge, x);
+    if (!is_spring) edge += 3;
+    s->strain[k] = it.strain, s->tension[k] = it.tension;
   }
 }

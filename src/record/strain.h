@@ -9,16 +9,27 @@
 
 #include "scene/scene.h"
 
+/* Springs and then faces: some of these cells, or all */
+typedef struct ms_cell_range {
+  int64_t first, n;
+} ms_cell_range;
+
 typedef struct ms_strain {
-  int32_t *edge;           /* 3 nfaces: the springs between the corners of each face; -1: none */
-  float *strain, *tension; /* nsprings + nfaces, tension in N */
+  ms_cell_range cells;
+  int32_t *edge;           /* the springs between the corners of each face in `cells`; -1: none */
+  float *strain, *tension; /* of `cells`, tension in N */
   double *exact;           /* 3 nparticles, N: reactions in double precision */
   float *reaction;         /* 3 nparticles, N; NULL: no particle was pinned at ms_strain_init */
 } ms_strain;
 
-/* Find the springs of the faces, and whether particles are pinned. Call ms_strain_free always. */
-msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const msim_allocator *alloc,
-                           msim_error *err);
+static inline ms_cell_range ms_cell_range_all(const ms_scene *scene) {
+  return (ms_cell_range){0, (int64_t)scene->nsprings + scene->nfaces};
+}
+
+/* Find the springs of these faces. reactions: 1 to compute those, too, if particles are pinned.
+ * Call ms_strain_free always. */
+msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, ms_cell_range cells, int reactions,
+                           const msim_allocator *alloc, msim_error *err);
 void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x, const double *v);
 void ms_strain_free(ms_strain *s, const msim_allocator *alloc);
 

@@ -1,0 +1,265 @@
+/* Tests of recorders of several ranks: a plugin that takes rows gets those of one process, each
+ * once; the failure of one rank is one of all, and .vtkhdf files have the same bytes. */
+#define _GNU_SOURCE /* mkdtemp */
+#include <stdatomic.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <unistd.h>
+
+#include "msim/recorder.h"
+#include "rank_runs.h"
+
+/*------------------------------------- a recorder in memory -------------------------------------*/
+
+enum { MOST_FRAMES = 8 };
+enum { OPENS, JOINS, BEGINS, PARTS, COMMITS, CLOSES, CALLS };
+
+/* The only file, which all ranks write */
+static struct {
+  int32_t n;
+  int64_t ncells;
+  double *x, *v;           /* 3 n a frame */
+  float *strain, *tension; /* ncells a frame */
+  uint64_t hash[MOST_FRAMES];
+  double t[MOST_FRAMES];
+  int committed;
+  atomic_int calls[CALLS], rows, cells;
+  int fail_call; /* the call of `fail_rank` that fails; -1: none */
+} file;
+
+static _Thread_local int32_t rank_here; /* 0 in one process */
+static int32_t fail_rank_number;
+
+static msim_status count_call(const msim_host *host, int call) {
+  file.calls[call]++;
+  if (call != file.fail_call || rank_here != fail_rank_number) return MSIM_OK;
+  (host->fail)(host, "call %d of rank %d failed", call, rank_here);
+  return MSIM_ERR_IO;
+}
+
+static msim_status open_file(const msim_host *host, const msim_recording *what, void **self) {
+  file.n = what->n, file.ncells = (int64_t)what->nsprings + what->nfaces, file.committed = 0;
+  const size_t numbers = MOST_FRAMES * 3 * (size_t)what->n * sizeof(double),
+               cells = MOST_FRAMES * (size_t)file.ncells * sizeof(float);
+  free(file.x), free(file.v), free(file.strain), free(file.tension);
+  file.x = malloc(numbers), file.v = malloc(numbers);
+  file.strain = malloc(cells), file.tension = malloc(cells);
+  memset(file.x, 0xff, numbers), memset(file.v, 0xff, numbers);
+  memset(file.strain, 0xff, cells), memset(file.tension, 0xff, cells);
+  *self = (void *)(uintptr_t)host;
+  return count_call(host, OPENS);
+}
+
+static msim_status join_file(const msim_host *host, const msim_recording *what, void **self) {
+  const msim_status status = count_call(host, JOINS);
+  if (what->n != file.n || what->scene || what->times) return MSIM_ERR_ARG;
+  *self = status ? NULL : (void *)(uintptr_t)host;
+  return status;
+}
+
+static msim_status begin_frame(void *self) { return count_call(self, BEGINS); }
+
+static msim_status write_part(void *self, const msim_frame *f, const msim_frame_part *part,
+                              uint64_t *hash) {
+  const size_t row = 3 * ((size_t)part->frame * (size_t)file.n + (size_t)part->first),
+               rows = 3 * (size_t)part->n * sizeof(double),
+               cell = (size_t)(part->frame * file.ncells + part->first_cell),
+               cells = (size_t)part->ncells * sizeof(float);
+  memcpy(file.x + row, f->x, rows), memcpy(file.v + row, f->v, rows);
+  memcpy(file.strain + cell, f->strain, cells), memcpy(file.tension + cell, f->tension, cells);
+  file.rows += part->n;
+  file.cells += (int)part->ncells;
+  *hash = UINT64_MAX - (uint64_t)part->n; /* sums exceed 2^64 */
+  return count_call(self, PARTS);
+}
+
+static msim_status commit_frame(void *self, const msim_frame *f, uint64_t hash) {
+  const msim_status status = count_call(self, COMMITS);
+  if (status) return status;
+  file.t[file.committed] = f->t;
+  file.hash[file.committed++] = hash;
+  return MSIM_OK;
+}
+
+static msim_status write_frame(void *self, const msim_frame *f) {
+  const msim_frame_part all = {
+      .size = sizeof all, .frame = file.committed, .n = file.n, .ncells = file.ncells};
+  uint64_t hash;
+  const msim_status status = write_part(self, f, &all, &hash);
+  return status ? status : commit_frame(self, f, hash);
+}
+
+static msim_status close_file(void *self) { return count_call(self, CLOSES); }
+
+static const msim_recorder_type in_memory = {.abi = MSIM_RECORDER_ABI,
+                                             .size = sizeof in_memory,
+                                             .name = "memory",
+                                             .extension = ".memory",
+                                             .library = "none",
+                                             .license = "MIT",
+                                             .open = open_file,
+                                             .write = write_frame,
+                                             .close = close_file,
+                                             .join = join_file,
+                                             .begin = begin_frame,
+                                             .write_part = write_part,
+                                             .commit = commit_frame};
+static const msim_recorder_type *const recorders[] = {&in_memory, NULL};
+
+/*------------------------------------- runs -----------------------------------------------------*/
+
+typedef struct recorded_run {
+  const msim_scene *scene;
+  const char *path;
+  int resumes;
+  int32_t steps;
+  msim_status expected;
+} recorded_run;
+
+static const char *record_rank(msim_comm *comm, void *data) {
+  const recorded_run *r = data;
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim;
+  msim_recorder *recorder;
+  msim_error why = {0};
+  rank_here = comm->rank;
+  opt.steps = 20, opt.every = 5, opt.comm = comm, opt.recorders = recorders;
+  EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_OK);
+  msim_status status = r->resumes ? msim_recorder_resume(sim, r->path, &recorder, &why)
+                                  : msim_recorder_open(sim, r->path, &recorder, &why);
+  if (!status) {
+    if (!r->resumes) status = msim_recorder_write(recorder, &why);
+    while (!status && msim_sim_next_frame(sim) <= r->steps) {
+      msim_state now = {.size = sizeof now};
+      EXPECT(msim_sim_state(sim, &now) == MSIM_OK);
+      if (now.step >= r->steps) break;
+      EXPECT(msim_sim_step(sim, msim_sim_next_frame(sim) - now.step, &why) == MSIM_OK);
+      status = msim_recorder_write(recorder, &why);
+    }
+    const msim_status closed = msim_recorder_close(recorder, status ? NULL : &why);
+    if (!status) status = closed;
+  }
+  EXPECT(status == r->expected);
+  EXPECT(!status || strstr(why.text, "failed"));
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void record(const msim_scene *scene, int32_t n, recorded_run r) {
+  r.scene = scene;
+  const char *wrong = run_ranks(n, record_rank, &r);
+  if (wrong) fail_msg("%s, %d ranks: %s", r.path, n, wrong);
+}
+
+/* A cloth with faces, of which some have no springs at an edge, and shuffled springs */
+static msim_scene *cloth_with_faces(void) {
+  msim_scene *scene = hanging_cloth(11, 300, 0);
+  const int32_t faces[6] = {0, 60, 120, 5, 6, 90};
+  assert_ok(msim_scene_add_faces(scene, 2, faces, err));
+  return scene;
+}
+
+static void set_failure(int32_t rank, int call) {
+  fail_rank_number = rank, file.fail_call = call;
+  for (int k = 0; k < CALLS; k++) file.calls[k] = 0;
+  file.rows = file.cells = 0;
+}
+
+static void rows_are_those_of_one_process(void **state) {
+  (void)state;
+  enum { FRAMES = 5 };
+  msim_scene *scene = cloth_with_faces();
+  set_failure(-1, -1);
+  record(scene, 1, (recorded_run){.path = "one.memory", .steps = 20});
+  const size_t numbers = FRAMES * 3 * (size_t)file.n, cells = FRAMES * (size_t)file.ncells;
+  double *x = malloc(numbers * sizeof *x), *v = malloc(numbers * sizeof *v);
+  float *strain = malloc(cells * sizeof *strain), *tension = malloc(cells * sizeof *tension);
+  memcpy(x, file.x, numbers * sizeof *x), memcpy(v, file.v, numbers * sizeof *v);
+  memcpy(strain, file.strain, cells * sizeof *strain);
+  memcpy(tension, file.tension, cells * sizeof *tension);
+  assert_int_equal(file.committed, FRAMES);
+  for (int32_t n = 2; n <= MOST_RANKS; n++) {
+    set_failure(-1, -1);
+    record(scene, n, (recorded_run){.path = "several.memory", .steps = 20});
+    assert_int_equal(file.committed, FRAMES);
+    assert_memory_equal(file.x, x, numbers * sizeof *x);
+    assert_memory_equal(file.v, v, numbers * sizeof *v);
+    assert_memory_equal(file.strain, strain, cells * sizeof *strain);
+    assert_memory_equal(file.tension, tension, cells * sizeof *tension);
+    const int calls[CALLS] = {1, n - 1, FRAMES, FRAMES * n, FRAMES, n};
+    for (int k = 0; k < CALLS; k++) assert_int_equal(file.calls[k], calls[k]);
+    assert_int_equal(file.rows, FRAMES * file.n);
+    assert_int_equal(file.cells, FRAMES * file.ncells);
+    for (int i = 0; i < FRAMES; i++)
+      assert_true(file.hash[i] == 0 - (uint64_t)n - (uint64_t)file.n && file.t[i] == 5e-4 * i);
+  }
+  free(x), free(v), free(strain), free(tension);
+  msim_scene_destroy(scene);
+}
+
+static void one_rank_that_fails(void **state) {
+  (void)state;
+  msim_scene *scene = cloth_with_faces();
+  const struct {
+    int32_t rank;
+    int call, commits;
+  } cases[] = {{0, OPENS, 0}, {2, JOINS, 0},   {0, BEGINS, 0}, {0, PARTS, 0},
+               {1, PARTS, 0}, {0, COMMITS, 1}, {0, CLOSES, 5}, {2, CLOSES, 5}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    set_failure(cases[i].rank, cases[i].call);
+    record(scene, 3, (recorded_run){.path = "failed.memory", .steps = 20, .expected = MSIM_ERR_IO});
+    assert_int_equal(file.calls[COMMITS], cases[i].commits);
+  }
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- .vtkhdf files --------------------------------------------*/
+
+/* The bytes of a file, *length of them */
+static char *read_file(const char *path, size_t *length) {
+  FILE *f = fopen(path, "rb");
+  assert_non_null(f);
+  assert_int_equal(fseek(f, 0, SEEK_END), 0);
+  *length = (size_t)ftell(f);
+  rewind(f);
+  char *bytes = malloc(*length);
+  assert_non_null(bytes);
+  assert_int_equal(fread(bytes, 1, *length, f), *length);
+  fclose(f);
+  return bytes;
+}
+
+/* Ranks are threads of one process, which all have the file open. */
+static void files_are_resumed(void **state) {
+  (void)state;
+  msim_scene *scene = cloth_with_faces();
+  size_t lengths[2];
+  set_failure(-1, -1);
+  for (int32_t n = 2; n <= 3; n++) {
+    record(scene, n, (recorded_run){.path = "whole.vtkhdf", .steps = 20});
+    record(scene, n, (recorded_run){.path = "parts.vtkhdf", .steps = 10});
+    record(scene, n, (recorded_run){.path = "parts.vtkhdf", .steps = 20, .resumes = 1});
+    char *whole = read_file("whole.vtkhdf", &lengths[0]),
+         *parts = read_file("parts.vtkhdf", &lengths[1]);
+    assert_int_equal(lengths[0], lengths[1]);
+    assert_memory_equal(whole, parts, lengths[0]);
+    free(whole), free(parts);
+  }
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  char folder[] = "/tmp/msim_rank_recorders_XXXXXX";
+  if (!mkdtemp(folder) || chdir(folder)) return 1;
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(rows_are_those_of_one_process),
+      cmocka_unit_test(one_rank_that_fails),
+      cmocka_unit_test(files_are_resumed),
+  };
+  const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+  for (const char *const *name = (const char *[]){"one.memory", "several.memory", "failed.memory",
+                                                  "whole.vtkhdf", "parts.vtkhdf", NULL};
+       *name; name++)
+    remove(*name);
+  return chdir("/") || rmdir(folder) || failed;
+}
