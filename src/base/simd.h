@@ -140,6 +140,31 @@ static inline ms_lanes ms_simd_max(ms_lanes v, double least) {
 #endif
 }
 
+/* min(a, b) and max(a, b) in each lane; b where a is NaN */
+static inline ms_lanes ms_simd_lower(ms_lanes a, ms_lanes b) {
+#if defined(__AVX512F__)
+  return _mm512_min_pd(a, b);
+#elif defined(__AVX__) && MS_LANES == 4
+  return _mm256_min_pd(a, b);
+#elif defined(__SSE2__) && MS_LANES == 2
+  return _mm_min_pd(a, b);
+#else
+  return ms_simd_select(a < b, a, b);
+#endif
+}
+
+static inline ms_lanes ms_simd_upper(ms_lanes a, ms_lanes b) {
+#if defined(__AVX512F__)
+  return _mm512_max_pd(a, b);
+#elif defined(__AVX__) && MS_LANES == 4
+  return _mm256_max_pd(a, b);
+#elif defined(__SSE2__) && MS_LANES == 2
+  return _mm_max_pd(a, b);
+#else
+  return ms_simd_select(a > b, a, b);
+#endif
+}
+
 /* a b + c, rounded once if the instruction set has a fused multiply-add, which is faster, else
  * twice: the last bits of forces depend on it. */
 static inline ms_lanes ms_simd_fma(ms_lanes a, ms_lanes b, ms_lanes c) {

@@ -3,7 +3,7 @@
 #include <float.h>
 
 #include "base/vec3.h"
-#include "contact/impacts.h"
+#include "contact/broad_phase.h"
 #include "physics/signed_distance.h"
 
 /* What particles of a model meet, and the work on the particle that is being reflected */
@@ -288,8 +288,14 @@ int64_t ms_reflection_apply(const ms_model *model, const ms_solid *solids, const
   const ms_scene *scene = model->scene;
   const ms_unknowns *rows = &model->unknowns;
   obstacles o = {.scene = scene, .solids = solids, .log = log};
+  const ms_collision_planes planes = {.n = scene->nplanes + scene->ncolliders,
+                                      .plane = scene->planes,
+                                      .nsolids = scene->ncolliders,
+                                      .solid = solids};
+  ms_broad_phase near = {.model = model, .planes = &planes, .x = x};
   int64_t reflected = 0;
-  for (int32_t r = 0; r < rows->nfree; r++) {
+  for (int32_t r = ms_broad_phase_next(&near, 0); r < rows->nfree;
+       r = ms_broad_phase_next(&near, r + 1)) {
     double xp[3], vp[3];
     o.row = r;
     ms_unknowns_get(rows, x, r, xp);

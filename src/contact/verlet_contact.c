@@ -1,5 +1,6 @@
 #include "contact/verlet_contact.h"
 
+#include "contact/broad_phase.h"
 #include "contact/contact_log.h"
 #include "contact/impact_time.h"
 #include "contact/moving_obstacles.h"
@@ -25,13 +26,17 @@ void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double 
   if (!e || !e->method_handles_contact) return;
   e->nfollowed = 0;
   const ms_collision_planes planes = ms_contact_set_planes(s);
-  for (int32_t r = 0; r < s->model->unknowns.nfree; r++) {
+  const ms_instant start = {.t = s->t};
+  ms_broad_phase near = {
+      .model = s->model, .planes = &planes, .x = s->x, .v = s->v, .a = a, .h = s->h};
+  ms_moving_obstacles_place(&planes, start);
+  for (int32_t r = ms_broad_phase_next(&near, 0); r < s->model->unknowns.nfree;
+       r = ms_broad_phase_next(&near, r + 1)) {
     double x[3], v[3], b[3];
     const ms_parabola parabola = {.planes = &planes, .t = s->t, .x = x, .v = v, .a = b};
     ms_unknowns_get(&s->model->unknowns, s->x, r, x);
     ms_unknowns_get(&s->model->unknowns, s->v, r, v);
     ms_unknowns_get(&s->model->unknowns, a, r, b);
-    ms_moving_obstacles_place(&planes, (ms_instant){.t = s->t}); /* the last path moved them */
     if (!ms_impact_time_may_touch(&parabola, s->h)) continue;
     ms_particle_path p = ms_contact_set_make_path(s, r, a, a);
     e->followed[e->nfollowed++] = r;
@@ -39,6 +44,7 @@ void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double 
     ms_unknowns_set(&s->model->unknowns, p.x, r, s->x_next);
     ms_unknowns_set(&s->model->unknowns, p.v, r, v_predicted);
     s->stats->contacts += p.impacts;
+    ms_moving_obstacles_place(&planes, start); /* the path moved them */
   }
 }
 

@@ -79,7 +79,7 @@ static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v,
   const int64_t own = ms_reflection_apply(s->model, solids, s->x, log, x, v, work);
   const int64_t reflected = count_on_all_ranks(s, own);
   s->stats->contacts += reflected;
-  s->finite = 0;
+  if (own) s->finite = 0;
   s->stats->collide_s += ms_clock_now() - start;
   return reflected;
 }

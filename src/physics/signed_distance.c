@@ -92,6 +92,39 @@ double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]
   return side * distance;
 }
 
+/* The point q nearest to the middle of a grid of signed distances counts by its distance from the
+ * grid, heights as above the highest one. */
+static double bound_sampled_distance(const ms_solid *s, const double q[3], const double extent[3]) {
+  const ms_samples *m = s->samples;
+  double out[3];
+  if (s->inside) return -INFINITY;
+  const double above = q[2] - extent[2] - m->highest;
+  if (s->type == MSIM_COLLIDER_HEIGHTFIELD) return above > 0 ? above * m->least_cosine : -INFINITY;
+  for (int i = 0; i < 3; i++) {
+    const double half = 0.5 * (m->n[i] - 1) * m->spacing[i];
+    out[i] = fmax(0, fabs(q[i] - half) - half - extent[i]);
+  }
+  const double beyond = ms_vec3_norm(out);
+  return beyond > 0 ? beyond : -INFINITY;
+}
+
+/* Other distances grow with each |q_i|: outside a solid the least one is that of the least |q_i| of
+ * the box, inside that of the largest ones. */
+double ms_signed_distance_bound(const ms_solid *s, const double middle[3], const double half[3]) {
+  double q[3], extent[3], at[3], unused[3];
+  const double d[3] = {middle[0] - s->center[0], middle[1] - s->center[1],
+                       middle[2] - s->center[2]};
+  for (int i = 0; i < 3; i++) {
+    const double *a = s->axis[i];
+    q[i] = ms_vec3_dot(a, d);
+    extent[i] = fabs(a[0]) * half[0] + fabs(a[1]) * half[1] + fabs(a[2]) * half[2];
+    at[i] = s->inside ? fabs(q[i]) + extent[i] : fmax(0, fabs(q[i]) - extent[i]);
+  }
+  if (s->samples) return bound_sampled_distance(s, q, extent);
+  if (s->type == MS_SOLID_HALF_SPACE) at[2] = q[2] - extent[2];
+  return (s->inside ? -1 : 1) * find_distance(s, at, unused);
+}
+
 void ms_signed_distance_find_velocity(const ms_solid *s, const double x[3], double v[3]) {
   const double d[3] = {x[0] - s->center[0], x[1] - s->center[1], x[2] - s->center[2]};
   for (int c = 0; c < 3; c++) {

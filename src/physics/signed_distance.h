@@ -10,6 +10,10 @@
  * sphere, the normal is that of one of them. */
 double ms_signed_distance(const ms_solid *s, const double x[3], double normal[3]);
 
+/* A lower bound of the distances of the points x of a box, |x_c - middle_c| <= half_c; -INFINITY
+ * where none is known, as inside solids with samples. */
+double ms_signed_distance_bound(const ms_solid *s, const double middle[3], const double half[3]);
+
 /* The velocity of the point x of the solid (m/s): that of its center + spin x (x - center) */
 void ms_signed_distance_find_velocity(const ms_solid *s, const double x[3], double v[3]);
 

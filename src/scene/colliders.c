@@ -211,6 +211,8 @@ static msim_status make_samples(const msim_allocator *alloc, const msim_collider
   for (int i = 0; i < 3; i++) m->n[i] = c->n[i], m->spacing[i] = c->spacing[i];
   if (c->type == MSIM_COLLIDER_HEIGHTFIELD) m->n[2] = 1;
   memcpy(m->values, c->values, all * sizeof *m->values);
+  m->highest = m->values[0];
+  for (size_t i = 1; i < all; i++) m->highest = fmax(m->highest, m->values[i]);
   if (c->type == MSIM_COLLIDER_HEIGHTFIELD) m->least_cosine = find_least_cosine(m);
   *samples = m;
   return MSIM_OK;

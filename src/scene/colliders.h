@@ -15,6 +15,7 @@ typedef struct ms_samples {
   int32_t n[3];        /* n[2] = 1: heights */
   double spacing[3];   /* m */
   double least_cosine; /* of heights: of the steepest slope */
+  double highest;      /* m: the largest of the values */
   double values[];     /* m: n[0] n[1] n[2] */
 } ms_samples;
 
