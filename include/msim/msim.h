@@ -385,9 +385,10 @@ MSIM_API msim_status msim_sim_reactions(msim_sim *sim, double *reaction /* 3n */
 /* Get the contacts of the last step (option contacts = on), sorted by particle, then planes before
  * colliders, each pair once; none before the first step, and after a state was set or loaded, or a
  * step failed. With the external forces on free particles, and those of springs to pinned ones, the
- * sum of the impulses is the change of momentum. The array is borrowed until the next call with
- * this sim. MSIM_ERR_ARG: contacts are not recorded; MSIM_ERR_MEMORY: also if there are more than 3
- * for each particle. */
+ * sum of the impulses is the change of momentum, to rounding; to the order h^3 a step where a
+ * contact lasts and the method does not integrate forces by the trapezoidal rule (docs/contact.md).
+ * The array is borrowed until the next call with this sim. MSIM_ERR_ARG: contacts are not recorded;
+ * MSIM_ERR_MEMORY: also if there are more than 3 for each particle. */
 MSIM_API msim_status msim_sim_contacts(msim_sim *sim, int32_t *n, const msim_contact **contacts);
 
 /* Compute for each spring of the scene, in its order and in the present state: tension, the force

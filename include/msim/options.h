@@ -54,8 +54,7 @@ enum {
 enum {
   MSIM_CONTACTS_OFF = 0,
   MSIM_CONTACTS_ON = 1 /* each step records which particles touch which planes and colliders, and
-                          the impulses: with collision = reflect, and with collision = event by
-                          velocity-verlet with fixed steps; others refuse it */
+                          the impulses; integrator = auto refuses it */
 };
 
 /* Durability of trajectories. */

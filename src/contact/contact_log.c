@@ -24,10 +24,10 @@ void ms_contact_log_destroy(const ms_model *model, ms_contact_log *log) {
   MS_FREE(&model->scene->alloc, log->touch, log->first, log);
 }
 
-void ms_contact_log_clear(ms_contact_log *log) {
+void ms_contact_log_clear(ms_contact_log *log, double h) {
   if (!log) return;
   for (int32_t i = 0; i < log->n; i++) log->first[log->touch[i].row] = -1;
-  log->n = log->lost = 0;
+  log->n = log->lost = 0, log->h = h;
 }
 
 static ms_touch *find_touch(const ms_contact_log *log, int32_t row, int32_t obstacle) {

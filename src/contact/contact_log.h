@@ -18,6 +18,7 @@ typedef struct ms_touch {
 typedef struct ms_contact_log {
   int32_t n, capacity;
   int32_t lost;    /* touches beyond the capacity */
+  double h;        /* s: length of the step */
   ms_touch *touch; /* capacity */
   int32_t *first;  /* nfree: the last touch of each row; -1: none */
 } ms_contact_log;
@@ -26,8 +27,8 @@ typedef struct ms_contact_log {
 ms_contact_log *ms_contact_log_create(const ms_model *model);
 void ms_contact_log_destroy(const ms_model *model, ms_contact_log *log);
 
-/* Forget all touches. Nullable: log. */
-void ms_contact_log_clear(ms_contact_log *log);
+/* Forget all touches: a step of h begins. Nullable: log. */
+void ms_contact_log_clear(ms_contact_log *log, double h);
 
 /* Add dv to the touch of a row and an obstacle, which is new or known. */
 void ms_contact_log_add(ms_contact_log *log, int32_t row, int32_t obstacle, const double point[3],

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/contact_impulses.h"
 #include "contact/friction.h"
 #include "contact/moving_obstacles.h"
 #include "contact/path_bounces.h"
@@ -145,6 +146,7 @@ static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *planes, 
     s->work_in_step += s->model->mass[c->row] * (v[k] - before[k]) * u[k];
   if (!bounced && !outside) return;
   ms_contact_set_make_writable(s);
+  if (bounced) ms_contact_impulses_add(s, c->row, &c->on, x, before, v);
   ms_obstacles_move_onto(planes, &c->on, x);
   ms_unknowns_set(rows, x, c->row, s->x);
   ms_unknowns_set(rows, v, c->row, s->v);
@@ -202,9 +204,8 @@ static void scale_to_one(double u[3]) {
 }
 
 /* Friction force over mass for pull = sum of mu N/m. v NULL: in the direction at the start, or 0 if
- * the matrix contains it (is_prescribed). It keeps its direction if it turns too fast for the
- * stages of an explicit method, and is constant if it might stop v in the step of an implicit one.
- * */
+ * the matrix contains it (is_prescribed). It keeps its direction if it turns too fast for stages of
+ * an explicit method, and is constant if it might stop v in the step of an implicit one. */
 static void friction_of(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
                         double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
@@ -285,6 +286,7 @@ static int settle_contact(ms_stepper *s, ms_contact *c) {
   if (ms_vec3_norm(before) > tolerance || (ms_vec3_norm(v) == 0 && ms_vec3_norm(before) > 0)) {
     ms_contact_set_make_writable(s);
     ms_unknowns_set(rows, now, c->row, s->v);
+    ms_contact_impulses_add(s, c->row, &c->on, x, before, (double[3]){0});
   }
   find_slide(c, v, a);
   return 1;

@@ -51,6 +51,7 @@ typedef struct ms_contact {
   double impulse_friction;
   double least_jump; /* m/s^2: the smallest J/(m h) */
   double push[3];    /* m/s^2: the reaction to the free acceleration of the last force sweep */
+  double impulse[3]; /* m/s: impulse over mass of the last solve, where contacts are recorded */
 } ms_contact;
 
 /* A contact has at most so many planes that are tangent to solids. */
@@ -68,7 +69,8 @@ typedef struct ms_contact_set {
   double draft_rtol;   /* 0, or the least tolerance of the next linear solve */
   double *a, *a_end;   /* F/m without reactions, at the start and at the end of the substep */
   double *stage[2];    /* x and v of a stage of the dense output; scratch */
-  double *begin[2];    /* if `moved`: x and v at the start of the last step without substeps */
+  double *begin[2];    /* if `moved`: x and v at the start of the last step without substeps;
+                          in implicit_contact.h: [0] is v_next of the last solve */
   int moved;           /* impacts or contacts changed the state at the start of that step */
   int method_handles_contact; /* velocity Verlet follows particle paths itself (verlet_contact.h) */
   ms_totals *parts;           /* scratch for energies */

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/contact_impulses.h"
 #include "contact/moving_obstacles.h"
 #include "physics/signed_distance.h"
 
@@ -313,10 +314,12 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
     p.b0[c] += from * (p.b1[c] - p.b0[c]);
     p.a[c] = (2 * p.b0[c] + p.b1[c]) / 3;
   }
+  const double start[3] = {p.v[0], p.v[1], p.v[2]};
   if (contact && contact->bounces)
     ms_vec3_axpy(contact->rebound, contact->on.plane[0]->normal, p.v);
   memcpy(p.w, p.v, sizeof p.w);
   ms_particle_path_compute(&p);
+  ms_contact_impulses_add_path(s, row, &p, start);
   if (from == 0) estimate_path_error(j, row, &p);
   ms_unknowns_set(rows, p.x, row, s->x_next);
   ms_unknowns_set(rows, p.w, row, s->v_next);
@@ -408,6 +411,7 @@ static msim_status make_parts(substeps *j, msim_error *err) {
       const int passes = is_shallow(j, i.depth);
       s->impact = passes ? MS_NOWHERE : i.share;
       follow_paths(j, i.share <= 1 && passes);
+      ms_contact_impulses_add_lasting(j->method, s, s->v);
       return MSIM_OK;
     }
     const double change =
@@ -416,6 +420,7 @@ static msim_status make_parts(substeps *j, msim_error *err) {
     else if (i.share <= 1) status = end_at_impact(j, &i, err);
     if (status) return status;
     follow_paths(j, all);
+    ms_contact_impulses_add_lasting(j->method, s, s->v);
     if (left - s->h <= 8 * DBL_EPSILON * j->h && i.share > 1) return MSIM_OK;
     j->done += s->h;
     advance_substep(j);

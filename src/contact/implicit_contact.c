@@ -4,7 +4,9 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/contact_impulses.h"
 #include "contact/contact_joining.h"
+#include "contact/implicit_impulses.h"
 #include "contact/solid_contact.h"
 #include "methods/methods.h"
 #include "physics/external_force.h"
@@ -255,21 +257,12 @@ static void make_guess(contact_solve *j) {
   j->e->guess = s->work[GUESS];
 }
 
-/* The free accelerations that the reactions cancel, in a_end: those that the last force sweep has
- * cancelled, and of a linear step what the weights of the matrix add, W sum n n.dv/(m h). */
+/* The free accelerations that the reactions cancel, in a_end */
 static void find_reactions(contact_solve *j, int is_linear) {
-  const ms_stepper *s = j->s;
-  const ms_unknowns *rows = &s->model->unknowns;
   for (int32_t i = 0; i < j->e->ncontacts; i++) {
-    const ms_contact *c = &j->e->contact[i];
-    const ms_constraint *g = &j->e->constraint[i];
-    double a[3], dv[3];
-    for (int k = 0; k < 3; k++) a[k] = -c->push[k];
-    ms_unknowns_get(rows, s->work[0], c->row, dv);
-    const double by = g->weight / (s->model->mass[c->row] * s->h);
-    for (int32_t k = 0; k < g->n && is_linear; k++)
-      ms_vec3_axpy(by * ms_vec3_dot(g->direction[k], dv), g->direction[k], a);
-    ms_unknowns_set(rows, a, c->row, j->e->a_end);
+    double a[3];
+    ms_implicit_impulses_find_reaction(j->s, i, is_linear, a);
+    ms_unknowns_set(&j->s->model->unknowns, a, j->e->contact[i].row, j->e->a_end);
   }
 }
 
@@ -288,6 +281,7 @@ static msim_status solve_once(contact_solve *j, const ms_integrator *by, double 
   j->e->draft_rtol = 0, j->e->guess = NULL;
   j->has_solution = !status;
   if (status) return status;
+  ms_implicit_impulses_keep(s, j->v_start, !by->nonlinear);
   ms_contact_set_place(s);
   find_reactions(j, !by->nonlinear);
   return MSIM_OK;
@@ -400,6 +394,7 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
   const msim_status status = j->method->step(s, err);
   if (status) return status == MSIM_NOT_CONVERGED ? MSIM_OK : status;
   j->has_solution = 1;
+  if (j->method->entry.order == 1) ms_implicit_impulses_keep(s, j->v_start, !j->method->nonlinear);
   ms_contact_set_finish_substep(s);
   *settled = is_settled(j);
   if (!*settled) {
@@ -409,6 +404,8 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
   }
   if (ms_solid_contact_finish(s, 0)) s->cached_stage_next = 0;
   else ms_contact_set_record(s);
+  if (j->method->entry.order == 1) ms_implicit_impulses_add(s);
+  else ms_contact_impulses_add_lasting(j->method, s, j->v_start);
   return MSIM_OK;
 }
 
@@ -420,7 +417,10 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   const int64_t before = s->stats->contacts;
   const int cached = s->cached_stage;
   const double work = s->work_in_step;
+  struct ms_contact_log *log = s->contact_log;
+  s->contact_log = NULL;
   ms_contact_set_update(s);
+  s->contact_log = log;
   s->work_in_step = work; /* the step starts before any bounce */
   ms_solid_contact_move_to_end(s);
   const int impacts = s->stats->contacts > before;
@@ -437,6 +437,7 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   if (j.has_solution) update_contacts(&j, 0);
   const msim_status status = remake_step(&j, err);
   if (!status) s->work_in_step += ms_solid_contact_find_work(s, j.v_start);
+  if (!status) ms_implicit_impulses_add(s);
   s->cached_stage_next = 0;
   return status;
 }

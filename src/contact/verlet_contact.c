@@ -1,25 +1,9 @@
 #include "contact/verlet_contact.h"
 
 #include "contact/broad_phase.h"
-#include "contact/contact_log.h"
+#include "contact/contact_impulses.h"
 #include "contact/impact_time.h"
 #include "contact/moving_obstacles.h"
-
-/* The impulse on a particle is what its path changes of the velocity without planes, in v_next. */
-static void record_path(const ms_stepper *s, int32_t row, const ms_particle_path *p) {
-  const ms_collision_planes planes = ms_contact_set_planes(s);
-  const int32_t *numbers = s->events->near.number;
-  double dv[3];
-  int32_t number[MS_MAX_TOUCHED_PLANES];
-  if (!s->contact_log || p->touched.n == 0) return;
-  ms_unknowns_get(&s->model->unknowns, s->v_next, row, dv);
-  for (int c = 0; c < 3; c++) dv[c] = p->w[c] - dv[c];
-  for (int i = 0; i < p->touched.n; i++) {
-    const int32_t plane = (int32_t)(p->touched.plane[i] - planes.plane);
-    number[i] = numbers ? numbers[plane] : plane;
-  }
-  ms_contact_log_share(s->contact_log, row, &p->touched, number, p->x, dv);
-}
 
 void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double *v_predicted) {
   ms_contact_set *e = s->events;
@@ -53,8 +37,9 @@ void ms_verlet_contact_correct_velocities(ms_stepper *s, const double *a, const 
   if (!e || !e->method_handles_contact) return;
   for (int32_t i = 0; i < e->nfollowed; i++) {
     ms_particle_path p = ms_contact_set_make_path(s, e->followed[i], a, a_next);
+    const double v[3] = {p.w[0], p.w[1], p.w[2]};
     ms_particle_path_compute(&p);
-    record_path(s, e->followed[i], &p);
+    ms_contact_impulses_add_path(s, e->followed[i], &p, v);
     s->work_in_step += s->model->mass[e->followed[i]] * p.work;
     ms_unknowns_set(&s->model->unknowns, p.w, e->followed[i], s->v_next);
   }

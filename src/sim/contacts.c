@@ -12,7 +12,8 @@ static int compare_contacts(const void *a, const void *b) {
   return (p->plane > q->plane) - (p->plane < q->plane);
 }
 
-static msim_contact make_contact(const ms_model *model, const ms_touch *touch) {
+/* by: the factor of impulses */
+static msim_contact make_contact(const ms_model *model, const ms_touch *touch, double by) {
   const int32_t nplanes = model->scene->nplanes, obstacle = touch->obstacle;
   const int is_plane = obstacle < nplanes;
   msim_contact c = {.particle = model->unknowns.particle[touch->row],
@@ -22,7 +23,7 @@ static msim_contact make_contact(const ms_model *model, const ms_touch *touch) {
   memcpy(c.normal, touch->normal, sizeof c.normal);
   const int32_t axis = model->unknowns.dropped_axis;
   if (axis >= 0) c.point[axis] = model->scene->x[3 * (size_t)c.particle + (size_t)axis];
-  for (int i = 0; i < 3; i++) c.impulse[i] = model->mass[touch->row] * touch->dv[i];
+  for (int i = 0; i < 3; i++) c.impulse[i] = by * model->mass[touch->row] * touch->dv[i];
   return c;
 }
 
@@ -47,7 +48,10 @@ msim_status msim_sim_contacts(msim_sim *sim, int32_t *n, const msim_contact **co
   for (int32_t i = 0; i < sim->nislands && count; i++) {
     const ms_island_sim *m = &sim->islands[i];
     const ms_contact_log *log = m->stepper.contact_log;
-    for (int32_t k = 0; log && k < log->n; k++) all[at++] = make_contact(&m->model, &log->touch[k]);
+    const double by =
+        log && m->at_rest ? m->stepper.h / log->h : 1; /* reactions of an earlier step */
+    for (int32_t k = 0; log && k < log->n; k++)
+      all[at++] = make_contact(&m->model, &log->touch[k], by);
   }
   qsort(all, (size_t)at, sizeof *all, compare_contacts);
   ms_memory_free(&sim->alloc, sim->contacts);

@@ -62,7 +62,7 @@ msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int
   s->parts = n;
   s->h = start.h / (double)n;
   s->work_in_step = 0;
-  ms_contact_log_clear(s->contact_log);
+  ms_contact_log_clear(s->contact_log, start.h);
   double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     if (i > 0) begin_next_substep(s, &start);

@@ -116,20 +116,11 @@ static msim_status check_force_function(const msim_sim *sim, msim_error *err) {
   return MSIM_OK;
 }
 
-/* Other methods do not know the impulses of contacts apart from those of other forces. */
 static msim_status check_contacts(const msim_sim *sim, msim_error *err) {
-  const msim_options *opt = &sim->config.opt;
-  if (opt->contacts == MSIM_CONTACTS_OFF) return MSIM_OK;
-  if (ms_sim_selects(sim) || opt->tol > 0)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "contacts = on requires fixed steps of a method that is named; remove tol, "
-                        "and use velocity-verlet, or remove contacts");
-  if (opt->collision == MSIM_COLLISION_REFLECT || sim->config.integrator->handles_contact)
-    return MSIM_OK;
+  if (sim->config.opt.contacts == MSIM_CONTACTS_OFF || !ms_sim_selects(sim)) return MSIM_OK;
   return ms_error_set(err, MSIM_ERR_ARG,
-                      "with collision = event contacts are recorded by velocity-verlet only, and "
-                      "not by %s; use velocity-verlet, collision = reflect, or remove contacts",
-                      opt->integrator);
+                      "contacts = on requires a method that is named, not auto; use "
+                      "velocity-verlet, or remove contacts");
 }
 
 static msim_status set_options(msim_sim *sim, const msim_options *opt, msim_error *err) {
