@@ -78,20 +78,12 @@ static const char *check_functions(msim_comm *comm, void *data) {
   msim_sim *sim, *copy;
   msim_error why = {0};
   const char *text;
-  const double k[3] = {0, 0, -1};
-  const int32_t pin = 0;
   msim_edit edit = {.size = sizeof edit};
   msim_estimate estimate = {.size = sizeof estimate};
   opt.comm = comm;
   EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
   const msim_status statuses[] = {
       msim_sim_set_springs(sim, NULL, NULL, NULL, &why),
-      msim_sim_set_gravity(sim, k, &why),
-      msim_sim_set_drag(sim, 1, &why),
-      msim_sim_set_forces(sim, NULL, &why),
-      msim_sim_move_pinned(sim, 1, &pin, k, 1, &why),
-      msim_sim_set_pinned(sim, 1, &pin, 0, &why),
-      msim_sim_move_collider(sim, 0, k, NULL, 1, &why),
       msim_sim_edit(sim, &edit, &why),
       msim_sim_break(sim, 0, NULL, &why),
       msim_sim_clone(sim, &copy, &why),

@@ -3,7 +3,6 @@
 #include <math.h>
 
 #include "api/change_scene.h"
-#include "sim/rank_sim.h"
 
 /* From where it is to x and rotation within `duration` from time t on */
 typedef struct collider_change {
@@ -34,17 +33,20 @@ static msim_status change_scene(msim_scene *copy, const void *data, double *x, d
   return msim_scene_set_collider_motion(copy, &motion, err);
 }
 
+static msim_status check_collider_move(const msim_sim *sim, const collider_change *c,
+                                       msim_error *err) {
+  if (c->collider < 0 || c->collider >= sim->scene->ncolliders)
+    return ms_error_set(err, MSIM_ERR_ARG, "collider is %d; there are %d colliders, counted from 0",
+                        c->collider, sim->scene->ncolliders);
+  if (c->duration > 0 && isfinite(c->duration)) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG, "duration is %g; it must be a finite number > 0",
+                      c->duration);
+}
+
 msim_status msim_sim_move_collider(msim_sim *sim, int32_t collider, const double *x,
                                    const double *rotation, double duration, msim_error *err) {
   if (!sim || !x) return ms_error_set(err, MSIM_ERR_ARG, "sim or x is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_move_collider", err);
-  if (refused) return refused;
-  if (collider < 0 || collider >= sim->scene->ncolliders)
-    return ms_error_set(err, MSIM_ERR_ARG, "collider is %d; there are %d colliders, counted from 0",
-                        collider, sim->scene->ncolliders);
-  if (!(duration > 0) || !isfinite(duration))
-    return ms_error_set(err, MSIM_ERR_ARG, "duration is %g; it must be a finite number > 0",
-                        duration);
   const collider_change c = {collider, x, rotation, ms_sim_time(sim), duration};
-  return ms_change_scene(sim, change_scene, &c, 1, err);
+  const msim_status status = ms_ranks_agree(sim->ranks, check_collider_move(sim, &c, err), err);
+  return status ? status : ms_change_scene(sim, change_scene, &c, 1, err);
 }

@@ -25,6 +25,15 @@ static void invalidate_force_data(msim_sim *sim) {
   if (sim->config.integrator->is_multirate) sim->config.choice.out_of_date = 1;
 }
 
+/* Replace the forces on all ranks, or on none. */
+static msim_status replace_forces(msim_sim *sim, ms_scene *scene, msim_error *err) {
+  ms_scene *before = sim->scene;
+  msim_status status = ms_ranks_agree(sim->ranks, ms_sim_replace_forces(sim, scene, err), err);
+  if (!status) status = ms_rank_sim_compare(sim, err);
+  if (status) ms_sim_replace_forces(sim, before, NULL);
+  return status;
+}
+
 /* Start a run in the state `now` with the forces of this scene. On failure the sim stays as it was,
  * with its old scene. */
 static msim_status restart_with_scene(msim_sim *sim, ms_scene *scene, msim_state *now,
@@ -33,7 +42,7 @@ static msim_status restart_with_scene(msim_sim *sim, ms_scene *scene, msim_state
   const ms_run_state run = sim->run;
   ms_scene *before = sim->scene;
   now->work += energy_difference(before, scene, now);
-  msim_status status = ms_sim_replace_forces(sim, scene, err);
+  msim_status status = replace_forces(sim, scene, err);
   if (status) return status;
   if (!ms_sim_selects(sim)) status = ms_sim_check_method_forces(sim, scene->damping, err);
   if (!status) {
@@ -54,9 +63,9 @@ static msim_status change_forces(msim_sim *sim, set_in_scene *set, const double 
   msim_scene handle = {ms_scene_retain(sim->scene)}; /* shared: the setter makes a copy */
   ms_scene *before = sim->scene;
   msim_state now = {.size = sizeof now};
-  msim_status status = set(&handle, values, err);
+  msim_status status = ms_ranks_agree(sim->ranks, set(&handle, values, err), err);
+  if (!status) status = ms_ranks_agree(sim->ranks, msim_sim_state(sim, &now), err);
   if (!status) {
-    msim_sim_state(sim, &now);
     ms_sim_free_matrix(sim); /* its model refers to the old scene */
     status = restart_with_scene(sim, handle.data, &now, err);
   }
@@ -75,21 +84,15 @@ static msim_status set_drag(msim_scene *scene, const double *drag, msim_error *e
 
 msim_status msim_sim_set_gravity(msim_sim *sim, const double gravity[3], msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_gravity", err);
-  if (refused) return refused;
   return change_forces(sim, msim_scene_set_gravity, gravity, err);
 }
 
 msim_status msim_sim_set_drag(msim_sim *sim, double drag, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_drag", err);
-  if (refused) return refused;
   return change_forces(sim, set_drag, &drag, err);
 }
 
 msim_status msim_sim_set_forces(msim_sim *sim, const double *force, msim_error *err) {
   if (!sim) return ms_error_set(err, MSIM_ERR_ARG, "sim is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_forces", err);
-  if (refused) return refused;
   return change_forces(sim, msim_scene_set_forces, force, err);
 }

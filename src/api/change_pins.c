@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "api/change_scene.h"
-#include "sim/rank_sim.h"
 
 /*------------------------------------- arguments ------------------------------------------------*/
 
@@ -77,24 +76,27 @@ static msim_status change_pins(msim_sim *sim, const pin_change *c, msim_error *e
   return ms_change_scene(sim, change_scene, c, c->to != NULL, err);
 }
 
+static msim_status check_pin_move(const msim_sim *sim, const pin_change *c, msim_error *err) {
+  if (!(c->duration > 0) || !isfinite(c->duration))
+    return ms_error_set(err, MSIM_ERR_ARG, "duration is %g; it must be a finite number > 0",
+                        c->duration);
+  const msim_status status = check_pins(sim, c->n, c->particles, 1, err);
+  return status || c->n == 0 ? status
+                             : ms_scene_check_finite("x", 3 * (int64_t)c->n, 3, c->to, err);
+}
+
 msim_status msim_sim_move_pinned(msim_sim *sim, int32_t n, const int32_t *particles,
                                  const double *x, double duration, msim_error *err) {
   if (!sim || (n > 0 && (!particles || !x)))
     return ms_error_set(err, MSIM_ERR_ARG, "sim, particles or x is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_move_pinned", err);
-  if (refused) return refused;
-  if (!(duration > 0) || !isfinite(duration))
-    return ms_error_set(err, MSIM_ERR_ARG, "duration is %g; it must be a finite number > 0",
-                        duration);
-  msim_status status = check_pins(sim, n, particles, 1, err);
-  if (!status && n) status = ms_scene_check_finite("x", 3 * (int64_t)n, 3, x, err);
-  if (status || n == 0) return status ? status : ms_error_clear(err);
   const pin_change c = {.n = n,
                         .particles = particles,
                         .pinned = 1,
                         .to = x,
                         .t = ms_sim_time(sim),
                         .duration = duration};
+  const msim_status status = ms_ranks_agree(sim->ranks, check_pin_move(sim, &c, err), err);
+  if (status || n == 0) return status ? status : ms_error_clear(err);
   return change_pins(sim, &c, err);
 }
 
@@ -102,11 +104,10 @@ msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t *particl
                                 msim_error *err) {
   if (!sim || (n > 0 && !particles))
     return ms_error_set(err, MSIM_ERR_ARG, "sim or particles is NULL");
-  const msim_status refused = ms_rank_sim_refuse(sim, "msim_sim_set_pinned", err);
-  if (refused) return refused;
+  msim_status status = check_pins(sim, n, particles, 0, err);
   if ((pinned | 1) != 1)
-    return ms_error_set(err, MSIM_ERR_ARG, "pinned is %d; it must be 1, or 0 to let go", pinned);
-  const msim_status status = check_pins(sim, n, particles, 0, err);
+    status = ms_error_set(err, MSIM_ERR_ARG, "pinned is %d; it must be 1, or 0 to let go", pinned);
+  status = ms_ranks_agree(sim->ranks, status, err);
   if (status || n == 0) return status ? status : ms_error_clear(err);
   return change_pins(sim, &(pin_change){.n = n, .particles = particles, .pinned = pinned}, err);
 }

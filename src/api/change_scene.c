@@ -6,6 +6,7 @@
 #include "physics/energy.h"
 #include "physics/law_springs.h"
 #include "physics/moving_pins.h"
+#include "sim/rank_sim.h"
 
 /* What an island has of the motions of a scene */
 typedef struct island_motions {
@@ -47,18 +48,35 @@ static msim_status start_with_motions(msim_sim *sim, const ms_scene *before, con
                                       msim_error *err) {
   const int32_t n = sim->nislands;
   island_motions *of;
-  if (!MS_NEW(&sim->alloc, of, n)) return ms_error_set_memory(err, "the motions");
-  msim_status status = create_motions(sim, sim->scene, of, err);
+  msim_status status = MS_NEW(&sim->alloc, of, n) ? create_motions(sim, sim->scene, of, err)
+                                                  : ms_error_set_memory(err, "the motions");
+  status = ms_ranks_agree(sim->ranks, status, err);
   if (!status) {
     exchange_motions(sim, sim->scene, of);
     status = msim_sim_set_state(sim, to, err);
     if (status) exchange_motions(sim, before, of);
   }
-  for (int32_t i = 0; i < n; i++) {
+  for (int32_t i = 0; i < n && of; i++) {
     ms_moving_pins_destroy(before, of[i].pins);
     ms_obstacles_destroy(before, &of[i].near);
   }
   ms_memory_free(&sim->alloc, of);
+  return status;
+}
+
+/* Start a run in a state with other pins: other unknowns, which ranks divide anew. */
+static msim_status start_with_pins(msim_sim *sim, const msim_state *to, msim_error *err) {
+  ms_rank_part *old = sim->part;
+  msim_status status = MSIM_OK;
+  sim->config.choice.out_of_date = 1;
+  if (old) {
+    status = ms_rank_part_create(sim->scene, sim->ranks, &sim->part, err);
+    if (!status) status = ms_rank_sim_check(sim, err);
+    status = ms_ranks_agree(sim->ranks, status, err);
+  }
+  if (!status) status = msim_sim_set_state(sim, to, err);
+  if (old) ms_rank_part_destroy(&sim->alloc, status ? sim->part : old);
+  if (status) sim->part = old;
   return status;
 }
 
@@ -77,11 +95,11 @@ static msim_status restart(msim_sim *sim, ms_scene *scene, int moves, double *x,
   ms_sim_free_matrix(sim); /* its model refers to the old scene */
   sim->scene = scene;
   to.work += ms_energy_total(scene, to.x, to.v) - energy;
-  msim_status status = ms_sim_check_motions(sim, err);
+  msim_status status = ms_rank_sim_compare(sim, err);
+  if (!status) status = ms_sim_check_motions(sim, err);
   if (!status) {
     ms_sim_subtract_steps_made(sim);
-    if (!moves) sim->config.choice.out_of_date = 1; /* other unknowns */
-    status = moves ? start_with_motions(sim, before, &to, err) : msim_sim_set_state(sim, &to, err);
+    status = moves ? start_with_motions(sim, before, &to, err) : start_with_pins(sim, &to, err);
   }
   if (status) {
     sim->scene = before, sim->config = config, sim->run = run;
@@ -93,21 +111,31 @@ static msim_status restart(msim_sim *sim, ms_scene *scene, int moves, double *x,
   return ms_error_clear(err);
 }
 
+/* Change a copy of the sim's scene and its state. x: room for both its arrays; NULL: no memory.
+ * After an error the copy may be there, and must be released. */
+static msim_status change_copy(msim_sim *sim, ms_scene_change *change, const void *data,
+                               msim_scene *copy, double *x, msim_error *err) {
+  msim_state now = {.size = sizeof now};
+  const msim_status status = msim_sim_state(sim, &now);
+  if (status) return status;
+  if (!x) return ms_error_set_memory(err, "the state");
+  const size_t count = 3 * (size_t)now.n;
+  memcpy(x, now.x, count * sizeof *x);
+  memcpy(x + count, now.v, count * sizeof *x);
+  copy->data = ms_scene_retain(sim->scene);
+  if (!ms_scene_make_writable(copy, err)) return MSIM_ERR_MEMORY;
+  return change(copy, data, x, x + count, err);
+}
+
 msim_status ms_change_scene(msim_sim *sim, ms_scene_change *change, const void *data, int moves,
                             msim_error *err) {
-  msim_state now = {.size = sizeof now};
-  msim_sim_state(sim, &now);
-  const size_t count = 3 * (size_t)now.n;
+  const size_t count = 3 * (size_t)sim->scene->nparticles;
   double *x = ms_memory_allocate(&sim->alloc, 2 * count, sizeof *x);
-  if (!x) return ms_error_set_memory(err, "the state");
-  double *v = x + count;
-  memcpy(x, now.x, count * sizeof *x);
-  memcpy(v, now.v, count * sizeof *v);
-  msim_scene copy = {ms_scene_retain(sim->scene)};
-  msim_status status = ms_scene_make_writable(&copy, err) ? MSIM_OK : MSIM_ERR_MEMORY;
-  if (!status) status = change(&copy, data, x, v, err);
-  if (status) ms_scene_release(copy.data);
-  else status = restart(sim, copy.data, moves, x, v, err);
+  msim_scene copy = {NULL};
+  const msim_status changed = change_copy(sim, change, data, &copy, x, err);
+  msim_status status = ms_ranks_agree(sim->ranks, changed, err);
+  if (!status) status = restart(sim, copy.data, moves, x, x + count, err);
+  else if (copy.data) ms_scene_release(copy.data);
   ms_memory_free(&sim->alloc, x);
   return status;
 }

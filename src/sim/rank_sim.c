@@ -88,6 +88,24 @@ msim_status ms_rank_sim_refuse(const msim_sim *sim, const char *function, msim_e
 
 /*------------------------------------- the same scene -------------------------------------------*/
 
+static uint64_t hash_motion(uint64_t hash, const ms_motion *m) {
+  const int32_t numbers[3] = {m->n, m->nt, m->interpolation};
+  const size_t nt = (size_t)m->nt, n = (size_t)m->n;
+  hash = ms_archive_hash(hash, numbers, sizeof numbers);
+  if (m->particles) hash = ms_archive_hash(hash, m->particles, n * sizeof *m->particles);
+  hash = ms_archive_hash(hash, m->t, nt * sizeof *m->t);
+  return ms_archive_hash(hash, m->x, 3 * nt * n * sizeof *m->x);
+}
+
+static uint64_t hash_motions(uint64_t hash, const ms_scene *s) {
+  for (int32_t i = 0; i < s->nmotions; i++) hash = hash_motion(hash, &s->motions[i]);
+  for (int32_t i = 0; i < s->ncolliders; i++) {
+    hash = hash_motion(hash, &s->collider_motions[i].x);
+    hash = hash_motion(hash, &s->collider_motions[i].rotation);
+  }
+  return hash;
+}
+
 /* Of the arrays that ranks divide, and of what decides which calls they make */
 static uint64_t hash_sim(const msim_sim *sim) {
   const ms_scene *s = sim->scene;
@@ -134,7 +152,7 @@ static uint64_t hash_sim(const msim_sim *sim) {
   uint64_t hash = 0;
   for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
     hash = ms_archive_hash(hash, parts[i].data, parts[i].bytes);
-  return hash;
+  return hash_motions(hash, s);
 }
 
 msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err) {
