@@ -95,6 +95,32 @@ class Ranks(CliTest):
             with self.subTest(args[0]):
                 self.assert_failed(self.ranks(2, "scene.json", *args), *words)
 
+    def test_petsc(self):
+        """The velocities of one process to the tolerance of the solver, by any KSP and PC."""
+        rtol = 1e-9
+        implicit = ["scene.json", "--integrator", "linearly-implicit-euler", "--h", "0.005", "--steps",
+                    "10", "--solver.rtol", str(rtol), "--final", "final.json", "--force"]
+        status, _, err = self.ranks(1, *implicit, "--solver", "petsc")
+        support.require(status == 0, "the plugin petsc")
+        subprocess.run([CLI, "run", *implicit, "--quiet"], cwd=self.folder, check=True)
+        alone = [c for row in self.final()["v"] for c in row]
+        for n, options in ((2, "-ksp_type cg -pc_type gamg"), (3, "-ksp_type cg -pc_type gamg"),
+                           (2, "-ksp_type gmres -pc_type bjacobi")):
+            with self.subTest(f"{n} {options}"):
+                status, _, err = self.ranks(n, *implicit, "--solver", "petsc", "--solver.options",
+                                            options)
+                self.assertEqual((status, err), (0, ""))
+                self.assertEqual(self.final()["step"], 10)
+                self.assertGreater(self.final()["stats"]["iterations"], 20)
+                off = max(abs(a - b) for a, b in zip(alone, (c for row in self.final()["v"]
+                                                             for c in row)))
+                self.assertLess(off, 10 * 10 * rtol * max(map(abs, alone)))
+        os.remove(self.folder / "final.json")
+        self.assert_failed(self.ranks(2, *implicit, "--solver", "petsc", "--solver.options",
+                                      "-ksp_typ cg"), "-ksp_typ")
+        self.assert_failed(self.ranks(2, *implicit, "--solver", "klu"), "2 ranks do not support",
+                           "pcg or petsc")
+
     def test_plugin_that_cannot_be_opened(self):
         with self.subTest("several ranks"):
             os.mkdir(self.folder / "plugins")

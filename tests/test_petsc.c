@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "ranks.h"
 #include "scene_check.h"
 #include "scenes.h"
 
@@ -122,11 +123,34 @@ static void nothing_is_printed(void **state) {
   assert_int_equal(printed, 0);
 }
 
+/* Ranks that are threads would share PETSc, which is not thread-safe. */
+static const char *check_thread_rank(msim_comm *comm, void *data) {
+  const char *wrong = NULL;
+  msim_options opt = options("linearly-implicit-euler", 1e-3);
+  msim_scene *scene = hanging_cloth(8, 100, 0);
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  (void)data;
+  opt.solver = "petsc", opt.comm = comm;
+  if (msim_sim_create(scene, &opt, &sim, &why) != MSIM_ERR_ARG) wrong = "another status";
+  else if (!strstr(why.text, "PETSc is not thread-safe") || sim) wrong = "another sentence";
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return wrong;
+}
+
+static void threads_as_ranks_are_refused(void **state) {
+  (void)state;
+  const char *wrong = run_ranks(3, check_thread_rank, NULL);
+  if (wrong) fail_msg("%s", wrong);
+}
+
 int main(void) {
   setenv("PETSC_OPTIONS", "-ksp_type richardson -pc_type none", 1);
   if (!is_solver_available("petsc")) return missing_status("the solver petsc");
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(all_preconditioners_agree), cmocka_unit_test(what_is_refused),
-      cmocka_unit_test(the_environment_does_not_matter), cmocka_unit_test(nothing_is_printed)};
+      cmocka_unit_test(the_environment_does_not_matter), cmocka_unit_test(nothing_is_printed),
+      cmocka_unit_test(threads_as_ranks_are_refused)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

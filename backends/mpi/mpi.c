@@ -334,7 +334,8 @@ static msim_status mpi_open(const msim_host *host, const void *from, msim_comm *
                          .all_to_all = mpi_all_to_all,
                          .exchange_begin = mpi_exchange_begin,
                          .exchange_end = mpi_exchange_end,
-                         .reason = mpi_reason};
+                         .reason = mpi_reason,
+                         .handle = &c->comm};
   const msim_status status = mpi_set_up(c, from ? *(const MPI_Comm *)from : MPI_COMM_WORLD);
   if (status) {
     host->fail(host, "%s", c->reason);

@@ -19,7 +19,8 @@
 
 #include <petscksp.h>
 
-#include "msim/backend.h"
+#include "null_space.h"
+#include "shared.h"
 
 #if defined PETSC_USE_COMPLEX || !defined PETSC_USE_REAL_DOUBLE || defined PETSC_USE_64BIT_INDICES
 #  error "the plugin petsc needs a PETSc of real double precision and 32-bit indices"
@@ -39,7 +40,9 @@ typedef struct petsc_solver {
   PetscOptions options;
   int has_options; /* 1: of the caller */
   int are_known;   /* 1: the names of all options have been checked */
+  MPI_Comm mpi;
   Mat matrix;
+  petsc_shared shared; /* of ranks; else empty */
   KSP ksp;
   Vec r, e;      /* residual and correction, in arrays of PETSc */
   double *value; /* of the matrix, A->val / 2^exponent */
@@ -129,6 +132,7 @@ static msim_status petsc_create(const msim_host *host, void **result) {
   if (!self) return MSIM_ERR_MEMORY;
   memset(self, 0, sizeof *self);
   self->host = host;
+  self->mpi = PETSC_COMM_SELF;
   host->lock(host);
   const int ready = initialize_petsc();
   host->unlock(host);
@@ -176,7 +180,7 @@ static msim_status check_options(petsc_solver *self) {
   return status;
 }
 
-/*------------------------------------- the matrix -----------------------------------------------*/
+/*------------------------------------- systems --------------------------------------------------*/
 
 static msim_status check_system(petsc_solver *self, const msim_system *A) {
   if (A->format != MSIM_FORMAT_FULL) return petsc_refuse(self, "A must have MSIM_FORMAT_FULL");
@@ -187,48 +191,35 @@ static msim_status check_system(petsc_solver *self, const msim_system *A) {
   return MSIM_OK;
 }
 
-/* The modes that stretch no spring: translations and rotations where positions are known, else one
- * constant vector for each component. */
-static PetscErrorCode make_null_space(const msim_system *A, MatNullSpace *space) {
-  const int has_positions =
-      A->size >= offsetof(msim_system, x) + sizeof A->x && A->x && A->block > 1;
-  if (!has_positions) {
-    Vec constant[3] = {NULL};
-    PetscErrorCode code = 0;
-    for (PetscInt c = 0; c < A->block && !code; c++) {
-      code = VecCreateSeq(PETSC_COMM_SELF, A->block * A->n, &constant[c]);
-      const double value = 1 / sqrt(A->n);
-      for (PetscInt i = 0; i < A->n && !code; i++)
-        code = VecSetValue(constant[c], A->block * i + c, value, INSERT_VALUES);
-      if (!code) code = VecAssemblyBegin(constant[c]);
-      if (!code) code = VecAssemblyEnd(constant[c]);
-    }
-    if (!code) code = MatNullSpaceCreate(PETSC_COMM_SELF, PETSC_FALSE, A->block, constant, space);
-    for (PetscInt c = 0; c < A->block; c++) VecDestroy(&constant[c]);
-    return code;
-  }
-  Vec x = NULL;
-  PetscErrorCode code = VecCreateSeqWithArray(PETSC_COMM_SELF, A->block, A->block * A->n, A->x, &x);
-  if (!code) code = MatNullSpaceCreateRigidBody(x, space);
-  VecDestroy(&x);
-  return code;
+/*------------------------------------- the matrix -----------------------------------------------*/
+
+static PetscErrorCode create_matrix(petsc_solver *self, const msim_system *A) {
+  const PetscInt n = A->block * A->n;
+  if (petsc_shared_ranks(A)) return petsc_shared_create(A, self->mpi, &self->shared, &self->matrix);
+  return MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, n, n, (PetscInt *)(uintptr_t)A->rowptr,
+                                   (PetscInt *)(uintptr_t)A->colind, self->value, &self->matrix);
 }
 
 static PetscErrorCode make_matrix(petsc_solver *self, const msim_system *A) {
-  const PetscInt n = A->block * A->n;
   MatNullSpace space = NULL;
-  PetscErrorCode code =
-      MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, n, n, (PetscInt *)(uintptr_t)A->rowptr,
-                                (PetscInt *)(uintptr_t)A->colind, self->value, &self->matrix);
+  PetscErrorCode code = create_matrix(self, A);
   if (!code) code = MatSetBlockSize(self->matrix, A->block);
   if (!code) code = MatSetOption(self->matrix, MAT_SYMMETRIC, PETSC_TRUE);
   if (!code) code = MatSetOption(self->matrix, MAT_SYMMETRY_ETERNAL, PETSC_TRUE);
-  if (!code) code = make_null_space(A, &space);
+  if (!code) code = petsc_null_space_create(A, self->mpi, &space);
   if (!code) code = MatSetNearNullSpace(self->matrix, space);
   MatNullSpaceDestroy(&space);
-  if (!code) code = VecCreateSeq(PETSC_COMM_SELF, n, &self->r);
-  if (!code) code = VecDuplicate(self->r, &self->e);
-  return code;
+  if (!code) code = petsc_null_space_create_vector(A, self->mpi, &self->r);
+  return code ? code : VecDuplicate(self->r, &self->e);
+}
+
+static int allocate_arrays(petsc_solver *self, const msim_system *A) {
+  const msim_host *host = self->host;
+  const size_t n = (size_t)A->n * (size_t)A->block, numbers = petsc_shared_numbers(A);
+  self->inverse = host->alloc(host, n * (size_t)A->block * sizeof *self->inverse);
+  self->value = host->alloc(host, (size_t)A->rowptr[n] * sizeof *self->value);
+  self->shared.row = host->alloc(host, numbers * sizeof *self->shared.row);
+  return self->inverse && self->value && self->shared.row;
 }
 
 static msim_status petsc_analyze(void *data, const msim_system *A, msim_solve_info *info) {
@@ -236,12 +227,13 @@ static msim_status petsc_analyze(void *data, const msim_system *A, msim_solve_in
   petsc_solver *self = data;
   msim_status status = check_system(self, A);
   if (status) return status;
-  const size_t entries = (size_t)A->n * (size_t)(A->block * A->block);
-  self->inverse = self->host->alloc(self->host, entries * sizeof *self->inverse);
-  self->value =
-      self->host->alloc(self->host, (size_t)A->rowptr[A->n * A->block] * sizeof *self->value);
-  if (!self->inverse || !self->value) return MSIM_ERR_MEMORY;
-  const int is_small = !self->has_options && A->n * A->block <= MOST_SMALL;
+  const char *wrong = petsc_shared_find_mpi(A, &self->mpi);
+  if (wrong) return petsc_refuse(self, wrong);
+  const double unknowns = petsc_shared_sum(A, A->n * A->block);
+  if (!(petsc_shared_maximum(A, !allocate_arrays(self, A)) <= 0)) return MSIM_ERR_MEMORY;
+  if (!(unknowns < INT32_MAX))
+    return petsc_refuse(self, "all ranks together must have fewer than 2^31 - 1 rows");
+  const int is_small = !self->has_options && unknowns <= MOST_SMALL && !petsc_shared_ranks(A);
   enter_petsc(self);
   PetscErrorCode code = is_small ? PetscOptionsInsertString(self->options, DEFAULTS_SMALL) : 0;
   if (!code) code = make_matrix(self, A);
@@ -293,7 +285,7 @@ static int invert_diagonal(petsc_solver *self, const msim_system *A) {
   return 1;
 }
 
-/* sqrt(r.D^-1 r) */
+/* sqrt(r.D^-1 r), over all ranks */
 static double norm_of(const petsc_solver *self, const msim_system *A, const double *r) {
   double sum = 0;
   for (int32_t i = 0; i < A->n; i++)
@@ -301,32 +293,39 @@ static double norm_of(const petsc_solver *self, const msim_system *A, const doub
       for (int32_t d = 0; d < A->block; d++)
         sum += r[A->block * i + c] * r[A->block * i + d] *
                self->inverse[(A->block * i + c) * A->block + d];
+  sum = petsc_shared_sum(A, sum);
   return sqrt(sum < 0 ? 0 : sum); /* NaN stays */
 }
 
-/* y = A x; return x.A x */
-static double multiply(const msim_system *A, const double *x, double *y) {
-  double curvature = 0;
+/* y = A x in one process */
+static void multiply_own(const msim_system *A, const double *x, double *y) {
   for (int32_t row = 0; row < A->block * A->n; row++) {
-    double sum = 0;
+    y[row] = 0;
     for (int32_t e = A->rowptr[row]; e < A->rowptr[row + 1]; e++)
-      sum += A->val[e] * x[A->colind[e]];
-    y[row] = sum;
-    curvature += x[row] * sum;
+      y[row] += A->val[e] * x[A->colind[e]];
   }
-  return curvature;
+}
+
+/* y = A x; return x.A x, over all ranks. NaN: PETSc has failed. */
+static double multiply(petsc_solver *self, const msim_system *A, const double *x, double *y) {
+  double curvature = 0;
+  if (!petsc_shared_ranks(A)) multiply_own(A, x, y);
+  else if (petsc_shared_multiply(A, &self->shared, self->matrix, self->exponent, x, y))
+    curvature = NAN;
+  for (int32_t row = 0; row < A->block * A->n; row++) curvature += x[row] * y[row];
+  return petsc_shared_sum(A, curvature);
 }
 
 /*------------------------------------- factor ---------------------------------------------------*/
 
-/* value = A / 2^exponent, the largest of which is about 1; 0: they are not finite. */
+/* value = A / 2^exponent, the largest of all ranks is about 1; 0: they are not finite. */
 static int copy_values(petsc_solver *self, const msim_system *A) {
   const int32_t n = A->rowptr[A->block * A->n];
   double most = 0;
-  for (int32_t e = 0; e < n; e++) {
-    if (!isfinite(A->val[e])) return 0;
-    most = fmax(most, fabs(A->val[e]));
-  }
+  for (int32_t e = 0; e < n && isfinite(most); e++)
+    most = isfinite(A->val[e]) ? fmax(most, fabs(A->val[e])) : INFINITY;
+  most = petsc_shared_maximum(A, most);
+  if (!isfinite(most)) return 0;
   self->exponent = most > 0 ? ilogb(most) : 0;
   for (int32_t e = 0; e < n; e++) self->value[e] = scalbn(A->val[e], -self->exponent);
   return 1;
@@ -339,10 +338,12 @@ static PetscErrorCode announce_values(petsc_solver *self) {
   return code ? code : MatSeqAIJRestoreArray(self->matrix, &values);
 }
 
-static PetscErrorCode make_solver(petsc_solver *self) {
-  PetscErrorCode code = announce_values(self);
+static PetscErrorCode make_solver(petsc_solver *self, const msim_system *A) {
+  PetscErrorCode code = petsc_shared_ranks(A)
+                            ? petsc_shared_set(A, &self->shared, self->value, self->matrix)
+                            : announce_values(self);
   if (!code) code = KSPDestroy(&self->ksp);
-  if (!code) code = KSPCreate(PETSC_COMM_SELF, &self->ksp);
+  if (!code) code = KSPCreate(self->mpi, &self->ksp);
   if (!code) code = KSPSetOperators(self->ksp, self->matrix, self->matrix);
   if (!code) code = KSPSetFromOptions(self->ksp);
   if (!code) code = KSPSetInitialGuessNonzero(self->ksp, PETSC_FALSE);
@@ -356,12 +357,12 @@ static msim_status petsc_factor(void *data, const msim_system *A, int32_t kind,
   if (kind != MSIM_FACTOR_SPD)
     return petsc_refuse(self, "petsc supports symmetric positive definite systems only");
   if (!copy_values(self, A)) return petsc_refuse(self, "A has entries that are not finite");
-  if (!invert_diagonal(self, A)) {
+  if (!(petsc_shared_maximum(A, !invert_diagonal(self, A)) <= 0)) {
     info->definite = MSIM_DEFINITE_NOT;
     return MSIM_NOT_SPD;
   }
   enter_petsc(self);
-  const PetscErrorCode code = make_solver(self);
+  const PetscErrorCode code = make_solver(self, A);
   leave_petsc(self);
   return convert_code(self, code, MSIM_ERR_BACKEND);
 }
@@ -371,7 +372,7 @@ static msim_status petsc_factor(void *data, const msim_system *A, int32_t kind,
 /* r = b - A y; return its norm. e is overwritten. */
 static double compute_residual(petsc_solver *self, const msim_system *A, const double *b,
                                const double *y, double *r) {
-  multiply(A, y, r);
+  if (isnan(multiply(self, A, y, r))) return NAN;
   for (int32_t i = 0; i < A->block * A->n; i++) r[i] = b[i] - r[i];
   return norm_of(self, A, r);
 }
@@ -420,7 +421,7 @@ static msim_status solve_right_hand_side(petsc_solver *self, const msim_system *
     if (code) break;
     count += used > 0 ? used : 1;
     if (VecGetArray(self->e, &e) || VecGetArray(self->r, &r)) return MSIM_ERR_BACKEND;
-    indefinite = reason == KSP_DIVERGED_INDEFINITE_MAT || multiply(A, e, r) < 0;
+    indefinite = reason == KSP_DIVERGED_INDEFINITE_MAT || multiply(self, A, e, r) < 0;
     for (int32_t i = 0; i < n; i++) e[i] += y[i];
     const double now = compute_residual(self, A, b, e, r);
     gains = now < 0.9 * left && !indefinite;
@@ -463,6 +464,7 @@ static void petsc_destroy(void *data) {
     KSPDestroy(&self->ksp);
     VecDestroy(&self->r);
     VecDestroy(&self->e);
+    petsc_shared_destroy(&self->shared);
     MatDestroy(&self->matrix);
     PetscOptions options = self->options;
     PetscOptionsPop();
@@ -472,6 +474,7 @@ static void petsc_destroy(void *data) {
   }
   self->host->free(self->host, self->value);
   self->host->free(self->host, self->inverse);
+  self->host->free(self->host, self->shared.row);
   self->host->free(self->host, self);
 }
 
@@ -482,7 +485,7 @@ MSIM_BACKEND_ENTRY(petsc) {
                                      .library = "PETSc " STRING(PETSC_VERSION_MAJOR) "." STRING(
                                          PETSC_VERSION_MINOR) "." STRING(PETSC_VERSION_SUBMINOR),
                                      .license = "BSD-2-Clause",
-                                     .flags = MSIM_BACKEND_ITERATIVE,
+                                     .flags = MSIM_BACKEND_ITERATIVE | MSIM_BACKEND_RANKS,
                                      .format = MSIM_FORMAT_FULL,
                                      .create = petsc_create,
                                      .analyze = petsc_analyze,

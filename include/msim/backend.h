@@ -52,9 +52,10 @@ enum {
 };
 
 enum {
-  MSIM_BACKEND_SYMMETRIC = 1u << 0,  /* factor() supports MSIM_FACTOR_SYMMETRIC */
-  MSIM_BACKEND_ITERATIVE = 1u << 1,  /* solve() respects its parameters and the initial guess */
-  MSIM_BACKEND_UNSYMMETRIC = 1u << 2 /* factor() supports MSIM_FACTOR_UNSYMMETRIC; FULL or NONE */
+  MSIM_BACKEND_SYMMETRIC = 1u << 0,   /* factor() supports MSIM_FACTOR_SYMMETRIC */
+  MSIM_BACKEND_ITERATIVE = 1u << 1,   /* solve() respects its parameters and the initial guess */
+  MSIM_BACKEND_UNSYMMETRIC = 1u << 2, /* factor() supports MSIM_FACTOR_UNSYMMETRIC; FULL or NONE */
+  MSIM_BACKEND_RANKS = 1u << 3 /* it solves systems that several ranks share; ITERATIVE and FULL */
 };
 
 /* Kinds of factor(). */
@@ -97,6 +98,13 @@ typedef struct msim_system {
   /* block n; UPPER and FULL: positions of the block rows when the sim was created, interleaved as
    * vectors are, of which rigid-body modes can be made; NULL where block = 1, or unknown. */
   const double *x;
+  /* Several ranks share the system (MSIM_BACKEND_RANKS), each with its own block rows: analyze(),
+   * factor(), solve() and destroy() are collective, norms and statistics are those of the whole
+   * system, and so are statuses. NULL: one process. */
+  const struct msim_comm *comm;
+  int64_t first;        /* number of the first own block row in the whole system: rank by rank */
+  int32_t nghosts;      /* block columns n to n + nghosts - 1 are block rows of other ranks, */
+  const int64_t *ghost; /* nghosts: with these numbers in the whole system */
 } msim_system;
 
 /* Stopping criteria of one solve(). */

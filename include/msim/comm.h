@@ -108,6 +108,12 @@ struct msim_comm {
   /* A sentence about the failure of the last call that failed; never NULL, valid until the next
    * call. No communication. */
   const char *(*reason)(void *self);
+
+  /* Later additions: they exist if `size` includes them. */
+
+  /* What the library behind it calls this communicator: a pointer to the MPI_Comm of `mpi`; NULL:
+   * nothing that another library could use. */
+  const void *handle;
 };
 
 /* Size of the table in the first version of this ABI, the minimum. */

@@ -47,6 +47,11 @@ msim_status ms_rank_part_create_island(const ms_scene *scene, const ms_rank_part
  * particle of the scene */
 void ms_rank_part_gather(ms_rank_part *part, int32_t nparticles, double *array);
 
+/* The number of own particles of a rank */
+static inline int64_t ms_rank_part_count(const ms_rank_part *part, int32_t rank) {
+  return part->bytes[rank] / (3 * (int64_t)sizeof(double));
+}
+
 /* Largest number of own particles of a rank over the mean of all. */
 double ms_rank_part_imbalance(const ms_scene *scene, const ms_rank_part *part);
 

@@ -4,6 +4,7 @@
 #include "linear/jacobi.h"
 #include "linear/linear.h"
 #include "linear/backends.h"
+#include "physics/rank_model.h"
 
 typedef struct adapter {
   ms_linear base;
@@ -14,6 +15,7 @@ typedef struct adapter {
   msim_system view;
   double *b, *y;    /* in the order of the matrix; NULL with MSIM_FORMAT_NONE */
   double *x;        /* positions at creation, in that order; NULL: not passed on */
+  int64_t *ghost;   /* numbers of the ghosts in the whole system; NULL: one process */
   ms_jacobi jacobi; /* with MSIM_FORMAT_NONE; else empty */
 } adapter;
 
@@ -36,6 +38,12 @@ static msim_status convert_backend_status(adapter *self, msim_status status, msi
           (int)status);
       return ms_plugin_fail(&self->host, self->table->name, MSIM_ERR_BACKEND, err);
   }
+}
+
+/* The status of all ranks that share the system */
+static msim_status agree_on_backend_status(adapter *self, msim_status status, msim_error *err) {
+  status = convert_backend_status(self, status, err);
+  return ms_ranks_agree(self->base.system->model->shape.ranks, status, err);
 }
 
 /* Set padding and pinned particles to 0. */
@@ -104,9 +112,18 @@ static msim_status build_matrix(adapter *self, msim_error *err) {
   return status;
 }
 
+/* The number of this rank's first block row in the whole system */
+static int64_t first_block_row(const ms_model *model) {
+  const ms_rank_part *part = model->rank_model->part;
+  int64_t first = 0;
+  for (int32_t r = 0; r < part->ranks->rank; r++) first += ms_rank_part_count(part, r);
+  return first;
+}
+
 static msim_status adapter_analyze(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   ms_sparse_matrix *m = &self->matrix;
+  const ms_ranks *ranks = model->shape.ranks;
   self->view = (msim_system){.size = sizeof self->view,
                              .n = model->unknowns.nfree,
                              .block = self->base.system->a.block,
@@ -120,13 +137,39 @@ static msim_status adapter_analyze(adapter *self, msim_error *err) {
                              .apply = adapter_apply,
                              .precondition = self->jacobi.inverse ? adapter_precondition : NULL,
                              .data = self,
-                             .x = self->x};
+                             .x = self->x,
+                             .comm = ranks ? ranks->comm : NULL,
+                             .first = ranks ? first_block_row(model) : 0,
+                             .nghosts = model->unknowns.first_fixed - model->unknowns.first_pinned,
+                             .ghost = self->ghost};
   msim_solve_info info = {.size = sizeof info};
   msim_status status = self->table->analyze(self->backend, &self->view, &info);
   self->base.analyses = self->table->format != MSIM_FORMAT_NONE;
   self->base.fill = info.fill;
   self->base.flops = info.flops;
   return convert_backend_status(self, status, err);
+}
+
+/* Owners know the numbers of ghosts, which are exact as doubles. */
+static msim_status adapter_connect(ms_linear *base, msim_error *err) {
+  adapter *self = (adapter *)base;
+  const ms_model *model = base->system->model;
+  const ms_unknowns *rows = &model->unknowns;
+  ms_ranks *ranks = model->shape.ranks;
+  const size_t nghosts = (size_t)(rows->first_fixed - rows->first_pinned);
+  double *number = ms_unknowns_new_vector(model->scene, rows);
+  msim_status status = number && MS_NEW(&model->scene->alloc, self->ghost, nghosts)
+                           ? MSIM_OK
+                           : ms_error_set_memory(err, "the linear solver");
+  status = ms_ranks_agree(ranks, status, err);
+  for (int32_t k = 0; k < rows->nfree && !status; k++)
+    number[self->matrix.order[k]] = (double)(first_block_row(model) + k);
+  if (!status) ms_rank_model_refresh_components(model, 1, number);
+  for (size_t g = 0; g < nghosts && !status; g++)
+    self->ghost[g] = (int64_t)number[(size_t)rows->first_pinned + g];
+  ms_memory_free(&model->scene->alloc, number);
+  if (!status) status = ms_ranks_agree(ranks, adapter_analyze(self, err), err);
+  return status;
 }
 
 static void adapter_expand(ms_linear *base) {
@@ -149,7 +192,7 @@ static msim_status adapter_factor(ms_linear *base, int32_t kind, msim_error *err
   msim_status status = self->table->factor(self->backend, &self->view, kind, &info);
   if (!status && kind == MSIM_FACTOR_SPD && info.definite == MSIM_DEFINITE_NOT)
     status = MSIM_NOT_SPD;
-  return convert_backend_status(self, status, err);
+  return agree_on_backend_status(self, status, err);
 }
 
 static msim_status adapter_solve(ms_linear *base, const ms_linear_target *target, const double *b,
@@ -170,7 +213,7 @@ static msim_status adapter_solve(ms_linear *base, const ms_linear_target *target
   else if (status == MSIM_OK || status == MSIM_NOT_CONVERGED)
     ms_sparse_matrix_unpack(model, &self->matrix, self->y, y);
   if (info.iterations > 0) *iterations += info.iterations;
-  return convert_backend_status(self, status, err);
+  return agree_on_backend_status(self, status, err);
 }
 
 static void adapter_destroy(ms_linear *base) {
@@ -180,7 +223,7 @@ static void adapter_destroy(ms_linear *base) {
   if (self->backend) self->table->destroy(self->backend);
   ms_sparse_matrix_destroy(model, &self->matrix);
   ms_jacobi_destroy(model, &self->jacobi);
-  MS_FREE(&model->scene->alloc, self->b, self->y, self->x, self);
+  MS_FREE(&model->scene->alloc, self->b, self->y, self->x, self->ghost, self);
 }
 
 static int takes_options(const msim_backend *table) {
@@ -225,12 +268,13 @@ static msim_status adapter_set_up(adapter *self, const char *options, msim_error
   }
   if (!status && self->table->format == MSIM_FORMAT_NONE)
     status = ms_jacobi_create(model, &self->base.system->a, &self->jacobi, err);
-  return status ? status : adapter_analyze(self, err);
+  return status || model->shape.ranks ? status : adapter_analyze(self, err);
 }
 
 msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
                               const msim_options *opt, ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {.expand = adapter_expand,
+  static const ms_linear_ops ops = {.connect = adapter_connect,
+                                    .expand = adapter_expand,
                                     .factor = adapter_factor,
                                     .solve = adapter_solve,
                                     .destroy = adapter_destroy};

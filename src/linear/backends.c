@@ -68,6 +68,12 @@ msim_status ms_backends_find(const char *name, const msim_options *opt, const ms
   return status;
 }
 
+int ms_backends_supports_ranks(const msim_options *opt, const msim_allocator *alloc) {
+  const msim_backend *table;
+  return ms_backends_find(opt->solver, opt, alloc, &table, NULL) ||
+         (table->flags & MSIM_BACKEND_RANKS);
+}
+
 msim_status ms_backends_refuse_options(const char *name, msim_error *err) {
   return ms_error_set(
       err, MSIM_ERR_ARG,

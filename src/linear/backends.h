@@ -14,6 +14,9 @@ msim_status ms_backends_find(const char *name, const msim_options *opt, const ms
 msim_status ms_backends_check_name(const msim_options *opt, const msim_allocator *alloc,
                                    msim_error *err);
 
+/* 1: opt->solver is a backend of systems that several ranks share, or is not available. */
+int ms_backends_supports_ranks(const msim_options *opt, const msim_allocator *alloc);
+
 /* MSIM_ERR_ARG: the solver of this name takes no solver.options. */
 msim_status ms_backends_refuse_options(const char *name, msim_error *err);
 

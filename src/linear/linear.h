@@ -33,8 +33,10 @@ typedef struct ms_descent_target {
 
 typedef struct ms_linear ms_linear;
 
-/* Order of calls: create, (expand, factor+, solve+)+, destroy. */
+/* Order of calls: create, connect where there are ranks, (expand, factor+, solve+)+, destroy. */
 typedef struct ms_linear_ops {
+  /* Once, after all ranks that share the system have created theirs; collective. Nullable. */
+  msim_status (*connect)(ms_linear *self, msim_error *err);
   /* Write the matrix of new coefficients. Nullable: matrix-free. */
   void (*expand)(ms_linear *self);
   /* Compute a factorization or a preconditioner. kind: MSIM_FACTOR_.... Nullable. */

@@ -57,6 +57,11 @@ typedef struct ms_solver {
  * below). */
 msim_status ms_solver_create(const ms_model *model, const msim_options *opt, double h,
                              msim_stats *stats, ms_solver **solver, msim_error *err);
+/* After all ranks have created theirs; collective. */
+static inline msim_status ms_solver_connect(ms_solver *solver, msim_error *err) {
+  ms_linear *linear = solver->linear;
+  return linear->ops->connect ? linear->ops->connect(linear, err) : MSIM_OK;
+}
 void ms_solver_destroy(ms_solver *solver);
 
 /* For Newton's method, whose specs may have a v: with solver = auto or pcg, also create solvers for

@@ -13,6 +13,12 @@ static int compare_indices(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
+/* The column of row j of a vector; -1: pinned */
+static int32_t column_of(const ms_unknowns *rows, int32_t j) {
+  if (j < rows->nfree) return j;
+  return j >= rows->first_fixed ? -1 : rows->nfree + j - rows->first_pinned;
+}
+
 /* Add the neighbours of row r by angular springs to those in [begin, end), all ascending, each
  * once. Returns the end. */
 static int32_t merge_corners(const ms_model *model, int32_t r, int32_t begin, int32_t end,
@@ -22,8 +28,8 @@ static int32_t merge_corners(const ms_model *model, int32_t r, int32_t begin, in
   if (g->n == 0) return end;
   for (int32_t at = g->of.first[r]; at < g->of.first[r + 1]; at++)
     for (int c = 0; c < 3; c++) {
-      const int32_t other = g->row[g->of.item[at] / 3 * 3 + c];
-      if (other != r && other < model->unknowns.nfree) ind[next++] = other;
+      const int32_t other = column_of(&model->unknowns, g->row[g->of.item[at] / 3 * 3 + c]);
+      if (other != r && other >= 0) ind[next++] = other;
     }
   if (next == end) return end;
   qsort(ind + begin, (size_t)(next - begin), sizeof *ind, compare_indices);
@@ -45,8 +51,8 @@ msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
     int32_t to = graph->ptr[r], last = -1;
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t j = half_edges->neighbour[at];
-      if (half_edges->spring[at] < 0 || j >= n || j == last) continue;
+      const int32_t j = column_of(&model->unknowns, half_edges->neighbour[at]);
+      if (half_edges->spring[at] < 0 || j < 0 || j == last) continue;
       graph->ind[to++] = last = j;
     }
     graph->ptr[r + 1] = merge_corners(model, r, graph->ptr[r], to, graph->ind);
@@ -104,8 +110,8 @@ static int32_t find_block_offset(const ms_sparse_matrix *m, int32_t row, int32_t
 /* 1 if the block of this half-edge is stored. UPPER stores that of the end that comes first. */
 static int is_stored(const ms_model *model, const int32_t *position, const ms_sparse_matrix *m,
                      int32_t r, int32_t at) {
-  const int32_t j = model->half_edges.neighbour[at];
-  return model->half_edges.spring[at] >= 0 && j < m->n &&
+  const int32_t j = column_of(&model->unknowns, model->half_edges.neighbour[at]);
+  return model->half_edges.spring[at] >= 0 && j >= 0 &&
          (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
 }
 
@@ -119,7 +125,7 @@ static void find_block_offsets(const ms_model *model, const int32_t *position,
     const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, r);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       if (!is_stored(model, position, m, r, at)) continue;
-      const int32_t column = position[model->half_edges.neighbour[at]];
+      const int32_t column = position[column_of(&model->unknowns, model->half_edges.neighbour[at])];
       m->entry[m->first[r + 1]++] =
           (struct ms_sparse_entry){at, find_block_offset(m, position[r], column)};
     }
@@ -131,8 +137,9 @@ static void find_angle_offsets(const ms_model *model, const int32_t *position,
                                ms_sparse_matrix *m) {
   const ms_angles *g = &model->angles;
   for (int32_t at = 0; at < 9 * g->n; at++) {
-    const int32_t *corner = g->row + at / 9 * 3, r = corner[at % 9 / 3], c = corner[at % 3];
-    const int stored = r != c && r < m->n && c < m->n &&
+    const int32_t *corner = g->row + at / 9 * 3, r = corner[at % 9 / 3];
+    const int32_t c = column_of(&model->unknowns, corner[at % 3]);
+    const int stored = r != c && r < m->n && c >= 0 &&
                        (m->format == MSIM_FORMAT_FULL || position[r] < position[c]);
     m->angle_offset[at] = stored ? find_block_offset(m, position[r], position[c]) : -1;
   }
@@ -169,8 +176,10 @@ msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph
   *matrix = (ms_sparse_matrix){.n = graph->n, .format = layout.format, .block = layout.block};
   msim_status status = count_blocks(graph, matrix, &blocks, err);
   if (status) return status;
-  int32_t *position = ms_memory_allocate(&model->scene->alloc, (size_t)graph->n, sizeof *position);
-  if (!position || !allocate_matrix(model, (size_t)blocks, matrix)) {
+  const int32_t nghosts = model->unknowns.first_fixed - model->unknowns.first_pinned;
+  int32_t *position = NULL;
+  if (!MS_NEW(&model->scene->alloc, position, (size_t)graph->n + (size_t)nghosts) ||
+      !allocate_matrix(model, (size_t)blocks, matrix)) {
     ms_memory_free(&model->scene->alloc, position);
     return ms_error_set_memory(err, "the matrix");
   }
@@ -178,6 +187,7 @@ msim_status ms_sparse_matrix_create(const ms_model *model, const ms_sparse_graph
     matrix->order[k] = layout.order ? layout.order[k] : k;
     position[matrix->order[k]] = k;
   }
+  for (int32_t g = graph->n; g < graph->n + nghosts; g++) position[g] = g;
   for (int32_t k = 0; k < graph->n; k++)
     matrix->graphptr[k + 1] =
         matrix->graphptr[k] + list_block_row(graph, matrix->order, position, layout.format, k,

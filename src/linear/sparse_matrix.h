@@ -9,8 +9,8 @@
 #include "msim/backend.h"
 #include "physics/damping_derivative.h"
 
-/* Which unknowns share a spring, also an angular one: compressed rows of both triangles, ascending,
- * no diagonal. */
+/* Which unknowns share a spring, also an angular one: compressed rows of both triangles, no
+ * diagonal; ascending in one process. Ghosts are columns from n on, in their order. */
 typedef struct ms_sparse_graph {
   int32_t n;
   int32_t *ptr; /* n + 1 */

@@ -148,7 +148,9 @@ msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *e
   if (!status) assign_threads(sim);
   for (int32_t i = 0; i < sim->nislands && !status; i++)
     status = create_island_stepper(sim, &sim->islands[i], err);
-  return ms_ranks_agree(sim->ranks, status, err);
+  status = ms_ranks_agree(sim->ranks, status, err);
+  ms_solver *solver = !status && sim->part ? sim->islands->stepper.solver : NULL;
+  return solver ? ms_solver_connect(solver, err) : status;
 }
 
 static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, int32_t nislands) {

@@ -5,6 +5,7 @@
 #include "base/archive.h"
 #include "base/comm_plugin.h"
 #include "base/isa.h"
+#include "linear/backends.h"
 #include "scene/laws.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -41,7 +42,8 @@ static int any_rank_is_empty(const ms_rank_part *part) {
 /* Of implicit methods */
 static refusal find_refused_system(const msim_sim *sim) {
   const msim_options *opt = &sim->config.opt;
-  if (strcmp(opt->solver, "pcg") != 0) return (refusal){"that solver", "use solver = pcg"};
+  if (strcmp(opt->solver, "pcg") != 0 && !ms_backends_supports_ranks(opt, &sim->alloc))
+    return (refusal){"that solver", "use solver = pcg or petsc"};
   if (opt->indefinite == MSIM_INDEFINITE_SOLVE)
     return (refusal){"indefinite = solve", "use indefinite = clamp"};
   if (any_rank_is_empty(sim->part))
@@ -148,6 +150,8 @@ static uint64_t hash_sim(const msim_sim *sim) {
                {s->planes, (size_t)s->nplanes * sizeof *s->planes},
                {&s->external, sizeof s->external},
                {opt->integrator, strlen(opt->integrator)},
+               {opt->solver, strlen(opt->solver)},
+               {opt->solver_options, opt->solver_options ? strlen(opt->solver_options) : 0},
                {numbers, sizeof numbers}};
   uint64_t hash = 0;
   for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)

@@ -62,6 +62,7 @@ static const char *reason_of_inner(void *self) {
 }
 
 void counting_comm_make(const msim_comm *inner, counting_comm *c) {
+  const size_t with_handle = offsetof(msim_comm, handle) + sizeof inner->handle;
   *c = (counting_comm){.inner = inner,
                        .table = {.abi = MSIM_COMM_ABI,
                                  .size = sizeof(msim_comm),
@@ -77,5 +78,6 @@ void counting_comm_make(const msim_comm *inner, counting_comm *c) {
                                  .all_to_all = count_all_to_all,
                                  .exchange_begin = count_exchange,
                                  .exchange_end = end_counted_exchange,
-                                 .reason = reason_of_inner}};
+                                 .reason = reason_of_inner,
+                                 .handle = inner->size >= with_handle ? inner->handle : NULL}};
 }
