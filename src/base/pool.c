@@ -7,10 +7,7 @@
 #include <stdatomic.h>
 
 #include "base/clock.h"
-
-/* Number of polls before a waiting thread sleeps: about 20 us, longer than the time between two
- * steps of a run, but too short to keep a core busy. */
-enum { POLLS_BEFORE_SLEEP = 1000 };
+#include "base/pause.h"
 
 /* If the owner waits longer than LATE_SECONDS (s), the system has suspended a worker in the middle
  * of an item, because its core is in use by other processes. The owner then works alone for
@@ -62,20 +59,12 @@ int32_t ms_pool_usable_cores(void) {
 
 /*------------------------------------- waiting --------------------------------------------------*/
 
-static void pause_briefly(void) {
-#if defined(__x86_64__)
-  __builtin_ia32_pause();
-#else
-  atomic_signal_fence(memory_order_seq_cst);
-#endif
-}
-
 /* Wait until a job other than `seen` is open, or the pool is destroyed. */
 static unsigned wait_for_job(ms_pool *pool, unsigned seen) {
-  for (int i = 0; i < POLLS_BEFORE_SLEEP; i++) {
+  for (int i = 0; i < MS_POLLS_BEFORE_SLEEP; i++) {
     const unsigned job = atomic_load(&pool->job);
     if ((job != seen && job % 2) || atomic_load(&pool->quit)) return job;
-    pause_briefly();
+    ms_pause();
   }
   pthread_mutex_lock(&pool->lock);
   atomic_fetch_add(&pool->sleepers, 1);
@@ -96,9 +85,9 @@ static void wake_workers(ms_pool *pool) {
 
 /* Wait until the last worker has left the closed job. */
 static void wait_for_workers(ms_pool *pool) {
-  for (int i = 0; i < POLLS_BEFORE_SLEEP; i++) {
+  for (int i = 0; i < MS_POLLS_BEFORE_SLEEP; i++) {
     if (!atomic_load(&pool->active_workers)) return;
-    pause_briefly();
+    ms_pause();
   }
   const double start = ms_clock_now();
   pthread_mutex_lock(&pool->lock);
