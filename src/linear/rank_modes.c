@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/simd.h"
 #include "physics/angle_springs.h"
 #include "physics/rank_model.h"
 
@@ -198,17 +199,40 @@ static void get_spring_block(const ms_model *model, const ms_coefficients *a, do
       block[b][c] = -by * ((b == c ? a->t[at] : 0) + (a->block > 1 ? a->g[at] * d[b] * d[c] : 0));
 }
 
+/* sum += block (weights of row j), for a row j of this rank */
+static void add_own_column(const ms_rank_modes *q, int32_t j, double block[3][3],
+                           double sum[3][3][WEIGHTS]) {
+  const double *w = q->weight + WEIGHTS * (size_t)j;
+  for (int b = 0; b < 3; b++)
+    for (int c = 0; c < 3; c++)
+      for (int l = 0; l < WEIGHTS; l++) sum[b][c][l] += block[b][c] * w[l];
+}
+
+/* The diagonal block of this rank += (weights of row i) sum */
+static void add_own_row(ms_rank_modes *q, int32_t i, double sum[3][3][WEIGHTS]) {
+  const int32_t dims = q->model->unknowns.dims, modes = 1 + dims, n = q->chol.block;
+  const double *w = q->weight + WEIGHTS * (size_t)i;
+  for (int32_t c = 0; c < dims; c++)
+    for (int32_t l = 0; l < modes; l++)
+      for (int32_t b = 0; b < dims; b++)
+        for (int32_t k = 0; k < modes; k++)
+          q->own[n * (modes * c + l) + modes * b + k] += w[k] * sum[b][c][l];
+}
+
+/* Most columns are own ones: they are added up before the weights of the row multiply them. */
 static void add_row(ms_rank_modes *q, const ms_coefficients *a, double by, int32_t i) {
   const ms_half_edge_span span = ms_half_edges_of_row(&q->model->half_edges, i);
-  double block[3][3];
+  double block[3][3] = {{0}}, sum[3][3][WEIGHTS] = {{{0}}};
   get_diagonal_block(q->model, a, by, i, block);
-  add_block(q, i, i, block);
+  add_own_column(q, i, block, sum);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t j = q->model->half_edges.neighbour[at];
     if (q->model->half_edges.spring[at] < 0 || j >= q->model->unknowns.first_fixed) continue;
     get_spring_block(q->model, a, by, i, at, block);
-    add_block(q, i, j, block);
+    if (j < q->model->unknowns.nfree) add_own_column(q, j, block, sum);
+    else add_block(q, i, j, block);
   }
+  add_own_row(q, i, sum);
 }
 
 /* Off-diagonal blocks of angular springs between corners, the first at an own unknown */
@@ -275,28 +299,30 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
 /* message = products and Q^T r */
 static void restrict_residual(ms_rank_modes *q, const double product[2], const double *r) {
   const ms_unknowns *rows = &q->model->unknowns;
-  const int32_t modes = 1 + rows->dims;
+  const size_t stride = (size_t)rows->stride, modes = 1 + (size_t)rows->dims;
+  const double *second = r + stride, *last = r + (size_t)(rows->dims - 1) * stride;
+  ms_quad sum[3] = {{0}};
+  for (size_t i = 0; i < (size_t)rows->nfree; i++) {
+    const ms_quad w = ms_simd_load_quad(q->weight + WEIGHTS * i);
+    sum[0] += w * r[i], sum[1] += w * second[i], sum[2] += w * last[i];
+  }
   memset(q->message, 0, (size_t)(q->chol.block + PRODUCTS) * sizeof *q->message);
   memcpy(q->message, product, PRODUCTS * sizeof *product);
-  for (int32_t c = 0; c < rows->dims; c++) {
-    const double *from = r + (size_t)c * (size_t)rows->stride;
-    double *to = q->message + PRODUCTS + modes * c;
-    for (int32_t i = 0; i < rows->nfree; i++)
-      for (int32_t k = 0; k < modes; k++)
-        to[k] += q->weight[WEIGHTS * (size_t)i + (size_t)k] * from[i];
-  }
+  for (size_t c = 0; c < (size_t)rows->dims; c++)
+    for (size_t k = 0; k < modes; k++) q->message[PRODUCTS + modes * c + k] = sum[c][k];
 }
 
-/* by: the solution at the modes of this rank */
+/* solution: at the modes of this rank */
 static void add_correction(const ms_rank_modes *q, const double *solution, double *z) {
   const ms_unknowns *rows = &q->model->unknowns;
-  const int32_t modes = 1 + rows->dims;
-  for (int32_t c = 0; c < rows->dims; c++) {
-    const double *by = solution + modes * c;
-    double *to = z + (size_t)c * (size_t)rows->stride;
-    for (int32_t i = 0; i < rows->nfree; i++)
-      for (int32_t k = 0; k < modes; k++)
-        to[i] += q->weight[WEIGHTS * (size_t)i + (size_t)k] * by[k];
+  const size_t modes = 1 + (size_t)rows->dims;
+  for (size_t c = 0; c < (size_t)rows->dims; c++) {
+    double by[WEIGHTS] = {0}, *to = z + c * (size_t)rows->stride;
+    memcpy(by, solution + modes * c, modes * sizeof *by);
+    for (size_t i = 0; i < (size_t)rows->nfree; i++) {
+      const double *w = q->weight + WEIGHTS * i;
+      to[i] += (w[0] * by[0] + w[1] * by[1]) + (w[2] * by[2] + w[3] * by[3]);
+    }
   }
 }
 
