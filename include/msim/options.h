@@ -24,7 +24,8 @@ enum {
 /* How impacts on planes are treated. With tol they are located in any case. */
 enum {
   /* Particles that are behind a plane at the end of a step are reflected; of order 1 with any
-   * method. */
+   * method. In scenes with colliders implicit methods whose step does not resolve the springs
+   * constrain particles in contact. */
   MSIM_COLLISION_REFLECT = 0,
   /* Impacts are located inside the step, so that methods keep their order, with exact rest, sliding
    * and sticking on planes; simultaneous impacts on several planes are solved together. Not for

@@ -51,7 +51,7 @@ typedef struct ms_contact {
   double impulse_friction;
   double least_jump; /* m/s^2: the smallest J/(m h) */
   double push[3];    /* m/s^2: the reaction to the free acceleration of the last force sweep */
-  double impulse[3]; /* m/s: impulse over mass of the last solve, where contacts are recorded */
+  double impulse[3]; /* m/s: impulse over mass of the last solve that was kept */
 } ms_contact;
 
 /* A contact has at most so many planes that are tangent to solids. */

@@ -16,15 +16,26 @@ static void begin_event_step(const ms_integrator *method, ms_stepper *s) {
   s->path_error = 0, s->npaths = 0;
 }
 
+/* The method's own step, which reflects */
+static msim_status step_and_reflect(const ms_integrator *method, ms_stepper *s, msim_error *err) {
+  ms_contact_set *e = s->events;
+  s->events = NULL;
+  const msim_status status = method->step(s, err);
+  s->events = e;
+  return status;
+}
+
 msim_status ms_events_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   if (!s->events) return method->step(s, err);
+  const int is_stiff =
+      method->entry.implicit && s->h * ms_bounds_compute_island(s->model).omega > 2;
+  if (s->opt->collision == MSIM_COLLISION_REFLECT && !is_stiff)
+    return step_and_reflect(method, s, err);
   begin_event_step(method, s);
   s->events->method_handles_contact = method->handles_contact && !s->one_substep;
   if (s->events->method_handles_contact)
     s->events->ncontacts = 0; /* left by a step of ms_impact_location_step() */
   if (s->events->method_handles_contact) return method->step(s, err);
-  const int is_stiff =
-      method->entry.implicit && s->h * ms_bounds_compute_island(s->model).omega > 2;
   double *x = s->x, *v = s->v;
   const double h = s->h, t = s->t;
   const msim_status status =

@@ -8,10 +8,9 @@
 #include "contact/contact_joining.h"
 #include "contact/implicit_impulses.h"
 #include "contact/solid_contact.h"
+#include "contact/step_energy.h"
 #include "methods/methods.h"
 #include "physics/external_force.h"
-#include "physics/force_function.h"
-#include "physics/moving_pins.h"
 
 /* Velocities along the normals: particles that are fast enough bounce; all particles reach the
  * plane; all particles keep their distances from it */
@@ -200,46 +199,6 @@ static void start_friction(const contact_solve *j, ms_contact *c) {
 
 /*------------------------------------- the step -------------------------------------------------*/
 
-/* J */
-typedef struct energy {
-  double total;            /* kinetic, elastic and gravitational energy */
-  double motion, rounding; /* the first two, and the rounding tolerance of all */
-} energy;
-
-static energy find_energy(const ms_stepper *s, const double *x, const double *v) {
-  const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
-  const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
-  const ms_external *forces = &s->model->external;
-  double weight = 0; /* sum of the magnitudes of external forces, N */
-  for (int32_t r = 0; r < s->model->unknowns.nfree; r++)
-    weight += s->model->mass[r] *
-              (ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r));
-  const double potential =
-      s->model->function ? ms_force_function_compute_potential(s->model, x) : 0;
-  return (energy){.total = t.kinetic + t.elastic - ms_external_work(forces, t.moment) -
-                           t.force_work + potential,
-                  .motion = t.kinetic + t.elastic,
-                  .rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach)};
-}
-
-/* Sets the positions of moving pins in x to those at the start or at the end of the step. */
-static void set_pins(const ms_stepper *s, int at_end, double *x) {
-  const ms_instant at = {.t = at_end ? s->t + s->h : s->t, .before = at_end};
-  ms_moving_pins_set(s->model, at, x, NULL);
-}
-
-/* A bound on the work of moving pins and of a force function in the step just made, J: twice its
- * trapezoidal rule */
-static double bound_work(contact_solve *j) {
-  ms_stepper *s = j->s;
-  const double before = s->work_in_step;
-  s->work_in_step = 0;
-  ms_stepper_add_trapezoidal_work(s, j->v_start);
-  const double work = s->work_in_step;
-  s->work_in_step = before;
-  return 2 * fabs(work);
-}
-
 /* The last v_next as a guess of the change of velocity in the next solve, which is 0 along
  * constraints */
 static void make_guess(contact_solve *j) {
@@ -281,18 +240,20 @@ static msim_status solve_once(contact_solve *j, const ms_integrator *by, double 
   j->e->draft_rtol = 0, j->e->guess = NULL;
   j->has_solution = !status;
   if (status) return status;
-  ms_implicit_impulses_keep(s, j->v_start, !by->nonlinear);
+  if (s->contact_log || (!by->nonlinear && s->opt->collision == MSIM_COLLISION_REFLECT))
+    ms_implicit_impulses_keep(s, j->v_start, !by->nonlinear);
   ms_contact_set_place(s);
   find_reactions(j, !by->nonlinear);
   return MSIM_OK;
 }
 
-/* Solves that find out which particles are in contact, to a relative residual of ROUGH. The matrix
- * is that of linearly-implicit-euler, also for methods that solve nonlinear equations. */
-static msim_status find_contacts(contact_solve *j, msim_error *err) {
+/* At most n solves that find out which particles are in contact, to a relative residual of ROUGH.
+ * The matrix is that of linearly-implicit-euler, also for methods that solve nonlinear equations.
+ */
+static msim_status find_contacts(contact_solve *j, int n, msim_error *err) {
   const double ROUGH = 3e-2;
   int changes = 1;
-  for (int i = 0; i < ROUGH_SOLVES && changes; i++) {
+  for (int i = 0; i < n && changes; i++) {
     const msim_status status = solve_once(j, &ms_linearly_implicit_euler, ROUGH, err);
     if (status) return status;
     changes = update_contacts(j, i);
@@ -327,33 +288,22 @@ static int is_settled(contact_solve *j) {
   return 1;
 }
 
-/* The energy that the step may lead to: that at its start, also with pins that have moved already,
- * as implicit Euler moves them first, and their work. */
-static energy bound_energy(contact_solve *j) {
-  ms_stepper *s = j->s;
-  const energy start = find_energy(s, s->x, j->v_start);
-  if (!s->model->pins) return start;
-  set_pins(s, 1, s->x);
-  const energy moved = find_energy(s, s->x, j->v_start);
-  set_pins(s, 0, s->x);
-  return moved.total > start.total ? moved : start;
-}
-
 /* Makes the step under the present law; repeats it with particles that joined as long as it adds
  * energy. *grows: it still does. */
-static msim_status try_law(contact_solve *j, const energy *start, int *grows, msim_error *err) {
+static msim_status try_law(contact_solve *j, const ms_step_energy *start, int *grows,
+                           msim_error *err) {
   enum { MOST = 3 };
-  const double SMALL = 1e-5; /* growth by linearization, over kinetic and elastic energy */
   const int is_last = j->law == KEEP_DISTANCE;
-  const double most = start->total + start->rounding + (j->is_linear ? SMALL * start->motion : 0);
-  msim_status status = is_last ? MSIM_OK : find_contacts(j, err);
+  const double most = start->most + (j->is_linear ? start->linear : 0);
+  msim_status status = is_last ? MSIM_OK : find_contacts(j, ROUGH_SOLVES, err);
   *grows = 1;
   for (int i = 0; !status && *grows && (i == 0 || j->joined) && (i < MOST || is_last); i++) {
     status = solve_contact_step(j, err);
-    if (j->s->model->pins) set_pins(j->s, 1, j->s->x_next);
     if (status) return status;
-    const double work = bound_work(j) + 2 * fabs(ms_solid_contact_find_work(j->s, j->v_start));
-    *grows = find_energy(j->s, j->s->x_next, j->s->v_next).total > most + work;
+    const double end = ms_step_energy_find_end(j->s);
+    const double work = ms_step_energy_bound_work(j->s, j->v_start) +
+                        2 * fabs(ms_solid_contact_find_work(j->s, j->v_start));
+    *grows = end > most + work;
   }
   return status;
 }
@@ -365,7 +315,7 @@ static msim_status try_law(contact_solve *j, const energy *start, int *grows, ms
 static msim_status remake_step(contact_solve *j, msim_error *err) {
   ms_stepper *s = j->s;
   j->is_linear = j->e->near.nsolids > 0 && !j->method->nonlinear;
-  const energy start = bound_energy(j);
+  const ms_step_energy start = ms_step_energy_bound(s, j->v_start);
   j->solve_method = j->method->nonlinear ? &ms_implicit_euler : j->method;
   for (;;) {
     int grows;
@@ -384,6 +334,31 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
   }
 }
 
+/*------------------------------------- collision = reflect --------------------------------------*/
+
+/* One step of a linear method by two solves, the first of which finds the particles in contact,
+ * unless it was the method's own step. Particles that still end inside are reflected. */
+static msim_status make_reflected_step(contact_solve *j, msim_error *err) {
+  ms_stepper *s = j->s;
+  const double before = s->work_in_step;
+  const ms_step_energy start = ms_step_energy_bound(s, j->v_start);
+  msim_status status = j->has_solution ? MSIM_OK : find_contacts(j, 1, err);
+  if (!status) status = solve_once(j, j->method, 0, err);
+  if (status) return status;
+  ms_solid_contact_finish(s, 0);
+  for (int32_t i = 0; i < j->e->ncontacts; i++) {
+    const ms_contact *c = &j->e->contact[i];
+    double J[3]; /* over mass */
+    ms_implicit_impulses_find(s, i, J);
+    s->work_in_step += s->model->mass[c->row] * ms_vec3_dot(J, c->frame.way) / s->h;
+  }
+  ms_implicit_impulses_add(s);
+  ms_stepper_reflect_remaining(s, s->contact_log);
+  ms_step_energy_shorten(
+      s, start.most + start.linear - before + ms_step_energy_bound_work(s, j->v_start));
+  return MSIM_OK;
+}
+
 /* The method's own step, which is the result if it changes no contact: *settled. cached: the
  * cached-stage tag at the start */
 static msim_status make_own_step(contact_solve *j, int cached, int *settled, msim_error *err) {
@@ -394,7 +369,8 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
   const msim_status status = j->method->step(s, err);
   if (status) return status == MSIM_NOT_CONVERGED ? MSIM_OK : status;
   j->has_solution = 1;
-  if (j->method->entry.order == 1) ms_implicit_impulses_keep(s, j->v_start, !j->method->nonlinear);
+  if (s->contact_log && j->method->entry.order == 1)
+    ms_implicit_impulses_keep(s, j->v_start, !j->method->nonlinear);
   ms_contact_set_finish_substep(s);
   *settled = is_settled(j);
   if (!*settled) {
@@ -409,8 +385,15 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
   return MSIM_OK;
 }
 
-/* In contact with solids a linear method makes no step of its own: it would be one more solve like
- * those of the remade step. */
+/* 1: a step may be the method's own, as far as contacts at its start are concerned. Not with solids
+ * in linear methods, where it would be one more solve like those of the remade step, nor with
+ * collision = reflect, as methods of order 2 restart after each reflection. */
+static int may_make_own_step(const contact_solve *j) {
+  const int may_touch =
+      j->s->opt->collision == MSIM_COLLISION_EVENT && (j->method->nonlinear || !j->e->near.nsolids);
+  return !ms_solid_contact_any_moves(j->s) && (may_touch || !j->e->ncontacts);
+}
+
 msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_contact_set *e = s->events;
   contact_solve j = {.method = method, .s = s, .e = e, .v_start = s->v};
@@ -425,8 +408,7 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   ms_solid_contact_move_to_end(s);
   const int impacts = s->stats->contacts > before;
   int64_t predicted = method->nonlinear ? 0 : ms_contact_joining_add_predicted(s);
-  if (!impacts && !ms_solid_contact_any_moves(s) &&
-      (method->nonlinear || !e->near.nsolids || !e->ncontacts)) {
+  if (!impacts && may_make_own_step(&j)) {
     int settled;
     const msim_status status = make_own_step(&j, cached, &settled, err);
     if (status || settled) return status;
@@ -435,9 +417,13 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   s->stats->contacts = before + predicted;
   for (int32_t i = 0; i < e->ncontacts; i++) start_friction(&j, &e->contact[i]);
   if (j.has_solution) update_contacts(&j, 0);
-  const msim_status status = remake_step(&j, err);
-  if (!status) s->work_in_step += ms_solid_contact_find_work(s, j.v_start);
-  if (!status) ms_implicit_impulses_add(s);
   s->cached_stage_next = 0;
-  return status;
+  if (!method->nonlinear && s->opt->collision == MSIM_COLLISION_REFLECT)
+    return make_reflected_step(&j, err);
+  const msim_status status = remake_step(&j, err);
+  s->cached_stage_next = 0;
+  if (status) return status;
+  s->work_in_step += ms_solid_contact_find_work(s, j.v_start);
+  ms_implicit_impulses_add(s);
+  return MSIM_OK;
 }

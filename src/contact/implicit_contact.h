@@ -35,7 +35,11 @@
  * linearization stretches springs that turn. If the energy has grown, impacts are repeated without
  * restitution; if it has grown again, a linear method near solids makes the step in substeps, and
  * others make it with n.v = 0 at all distances, which does no work. The allowed energy includes the
- * work of pins, which implicit Euler moves before the other particles. */
+ * work of pins, which implicit Euler moves before the other particles.
+ *
+ * With collision = reflect a linear method makes a rough solve and an accurate one, and particles
+ * that still end inside are reflected. If energy less work has grown, the step is shortened
+ * (step_energy.h), as by a line search of Newton's method from v' = 0, which is feasible. */
 #ifndef MS_IMPLICIT_CONTACT_H
 #define MS_IMPLICIT_CONTACT_H
 

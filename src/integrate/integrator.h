@@ -52,7 +52,9 @@ typedef struct ms_stepper {
   int finite; /* 1: no number of x_next and v_next is NaN or beyond MS_LARGEST_VALID; 0: unknown */
   msim_stats *stats;
   struct ms_contact_log *contact_log; /* of the step being made; NULL: contacts are not recorded */
-  struct ms_contact_set *events;      /* for collision = event in scenes with planes; else NULL */
+  /* for collision = event in scenes with planes or colliders; for implicit methods also for
+   * collision = reflect in scenes with colliders (events.h); else NULL */
+  struct ms_contact_set *events;
 } ms_stepper;
 
 typedef struct ms_integrator {
@@ -140,6 +142,9 @@ int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v);
 
 /* The same for a stage of the step, whose impulses do not act on its result. */
 void ms_stepper_reflect_stage(ms_stepper *s, double *x, double *v);
+
+/* Reflects the particles that a step with contacts in its matrix has left inside. Nullable: log */
+void ms_stepper_reflect_remaining(ms_stepper *s, struct ms_contact_log *log);
 
 /* 1: particles are in contact with planes (contact_set.h); forces then depend on v. */
 int ms_stepper_has_contacts(const ms_stepper *s);

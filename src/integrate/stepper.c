@@ -71,7 +71,7 @@ static int64_t count_on_all_ranks(const ms_stepper *s, int64_t reflected) {
 
 /* The collider at a time of its motion has the velocity of the interval before. */
 static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v, double *work) {
-  if (!(s->model->features & MS_HAS_PLANES) || s->events) return 0;
+  if (!(s->model->features & MS_HAS_PLANES)) return 0;
   double start = ms_clock_now();
   const ms_instant end = {.t = s->t + s->h, .before = 1};
   const ms_solid *solids =
@@ -85,10 +85,14 @@ static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v,
 }
 
 int64_t ms_stepper_reflect(ms_stepper *s, double *x, double *v) {
-  return reflect(s, s->contact_log, x, v, &s->work_in_step);
+  return s->events ? 0 : reflect(s, s->contact_log, x, v, &s->work_in_step);
 }
 
 void ms_stepper_reflect_stage(ms_stepper *s, double *x, double *v) {
   double unused = 0;
-  reflect(s, NULL, x, v, &unused);
+  if (!s->events) reflect(s, NULL, x, v, &unused);
+}
+
+void ms_stepper_reflect_remaining(ms_stepper *s, struct ms_contact_log *log) {
+  reflect(s, log, s->x_next, s->v_next, &s->work_in_step);
 }

@@ -20,7 +20,7 @@ static int may_lag_factor(const ms_solver *s) {
 }
 
 int ms_solver_may_have_constraints(const ms_solver *s) {
-  return s->opt->collision == MSIM_COLLISION_EVENT && s->system.model->features & MS_HAS_PLANES;
+  return ms_scene_constrains(s->system.model->scene, s->opt->collision);
 }
 
 /* Memory for a point, unless the matrix is constant. */

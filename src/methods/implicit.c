@@ -162,7 +162,7 @@ static tableau bdf2_tableau(double r) {
  * the length, and with collision = event its error would be the largest: then a step of tr-bdf2
  * takes its place. start: gets the first stage and the slope at the start. */
 static msim_status restart_bdf2(ms_stepper *s, double **start, double *last_a, msim_error *err) {
-  if (s->opt->tol == 0 && !s->events) {
+  if (s->opt->tol == 0 && (!s->events || s->opt->collision == MSIM_COLLISION_REFLECT)) {
     *last_a = implicit_euler.stage[0].a;
     return solve_stages(s, &implicit_euler, &(stage_inputs){0}, NULL, err);
   }

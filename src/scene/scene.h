@@ -123,6 +123,11 @@ static inline int ms_scene_has_obstacles(const ms_scene *s) {
   return s->nplanes > 0 || s->ncolliders > 0;
 }
 
+/* 1: implicit methods may constrain particles in contact by their matrix. */
+static inline int ms_scene_constrains(const ms_scene *s, int32_t collision) {
+  return collision == MSIM_COLLISION_EVENT ? ms_scene_has_obstacles(s) : s->ncolliders > 0;
+}
+
 /* Make room for `needed` elements in `count` arrays of n, all of *capacity, as those of particles,
  * springs or colliders. Return 0 if there is no memory. */
 int ms_scene_reserve(const ms_scene *s, const ms_array *arrays, int count, int32_t n,

@@ -14,8 +14,10 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   ms_stepper *s = &m->stepper;
   double **vectors[9 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
-  const int events =
-      sim->config.opt.collision == MSIM_COLLISION_EVENT && m->model.features & MS_HAS_PLANES;
+  const int constrains = sim->config.integrator->entry.implicit && !sim->part &&
+                         ms_scene_constrains(sim->scene, sim->config.opt.collision);
+  const int events = (constrains || sim->config.opt.collision == MSIM_COLLISION_EVENT) &&
+                     m->model.features & MS_HAS_PLANES;
   const int nwork = events && sim->config.integrator->entry.implicit ? MS_IMPLICIT_CONTACT_WORK : 0;
   for (int i = 0; i < sim->config.integrator->nwork || i < nwork; i++)
     vectors[count++] = &s->work[i];
@@ -135,7 +137,7 @@ static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_e
  * derivatives of a force function are not kept: a lagged factor could not be computed again. */
 static void require_block_matrix(msim_sim *sim) {
   if (ms_scene_has_function(sim->scene)) sim->config.opt.skip_off |= MSIM_SKIP_KEPT_FACTOR;
-  if (sim->config.opt.collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene) &&
+  if (ms_scene_constrains(sim->scene, sim->config.opt.collision) &&
       sim->config.integrator->entry.implicit)
     sim->config.opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;
 }

@@ -1,0 +1,120 @@
+#include "contact/step_energy.h"
+
+#include "base/vec3.h"
+#include "physics/external_force.h"
+#include "physics/force_function.h"
+#include "physics/moving_pins.h"
+
+typedef struct energy {
+  double total;            /* kinetic, elastic and potential energy, J */
+  double motion, rounding; /* the first two, and the rounding tolerance of all */
+} energy;
+
+static energy find_energy(const ms_stepper *s, const double *x, const double *v) {
+  const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
+  const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
+  const ms_external *forces = &s->model->external;
+  double weight = 0; /* sum of the magnitudes of external forces, N */
+  for (int32_t r = 0; r < s->model->unknowns.nfree; r++)
+    weight += s->model->mass[r] *
+              (ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r));
+  const double potential =
+      s->model->function ? ms_force_function_compute_potential(s->model, x) : 0;
+  return (energy){.total = t.kinetic + t.elastic - ms_external_work(forces, t.moment) -
+                           t.force_work + potential,
+                  .motion = t.kinetic + t.elastic,
+                  .rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach)};
+}
+
+/* Sets the positions of moving pins in x to those at the start or at the end of the step. */
+static void set_pins(const ms_stepper *s, int at_end, double *x) {
+  const ms_instant at = {.t = at_end ? s->t + s->h : s->t, .before = at_end};
+  if (s->model->pins) ms_moving_pins_set(s->model, at, x, NULL);
+}
+
+ms_step_energy ms_step_energy_bound(ms_stepper *s, const double *v) {
+  const double SMALL = 1e-5; /* growth by linearization, over kinetic and elastic energy */
+  set_pins(s, 0, s->x);
+  energy most = find_energy(s, s->x, v);
+  if (s->model->pins) {
+    set_pins(s, 1, s->x);
+    const energy moved = find_energy(s, s->x, v);
+    set_pins(s, 0, s->x);
+    if (moved.total > most.total) most = moved;
+  }
+  return (ms_step_energy){most.total + most.rounding, SMALL * most.motion};
+}
+
+double ms_step_energy_find_end(const ms_stepper *s) {
+  set_pins(s, 1, s->x_next);
+  return find_energy(s, s->x_next, s->v_next).total;
+}
+
+double ms_step_energy_bound_work(ms_stepper *s, const double *v) {
+  const double before = s->work_in_step;
+  s->work_in_step = 0;
+  set_pins(s, 1, s->x_next);
+  ms_stepper_add_trapezoidal_work(s, v);
+  const double work = s->work_in_step;
+  s->work_in_step = before;
+  return 2 * fabs(work);
+}
+
+/*------------------------------------- shorter steps --------------------------------------------*/
+
+/* The mean way and velocity of the moving solids in contact; 0: there are none */
+static ms_contact_frame find_mean_frame(const ms_contact_set *e) {
+  ms_contact_frame mean = {0};
+  for (int32_t i = 0; i < e->ncontacts; i++) {
+    const ms_contact_frame *f = &e->contact[i].frame;
+    if (!f->moves) continue;
+    mean.moves++;
+    ms_vec3_axpy(1, f->way, mean.way), ms_vec3_axpy(1, f->end, mean.end);
+  }
+  for (int c = 0; c < 3 && mean.moves; c++) mean.way[c] /= mean.moves, mean.end[c] /= mean.moves;
+  return mean;
+}
+
+/* The mean of the step and of the motion of `frame`, whose impulse does work */
+static void halve_step(ms_stepper *s, const ms_contact_frame *frame) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    double x[3], v[3], start[3];
+    ms_unknowns_get(rows, s->x, r, start);
+    ms_unknowns_get(rows, s->x_next, r, x);
+    ms_unknowns_get(rows, s->v_next, r, v);
+    for (int c = 0; c < 3; c++) {
+      const double dv = (frame->end[c] - v[c]) / 2;
+      x[c] += (start[c] + frame->way[c] - x[c]) / 2;
+      v[c] += dv;
+      s->work_in_step += s->model->mass[r] * dv * frame->end[c];
+    }
+    ms_unknowns_set(rows, x, r, s->x_next);
+    ms_unknowns_set(rows, v, r, s->v_next);
+  }
+}
+
+int ms_step_energy_shorten(ms_stepper *s, double most) {
+  enum { MOST = 8 };
+  const ms_shape shape = s->model->shape;
+  const ms_contact_frame mean = find_mean_frame(s->events);
+  double *x_best = s->events->begin[0], *v_best = s->events->begin[1];
+  double now = ms_step_energy_find_end(s) - s->work_in_step, best = INFINITY, work = 0;
+  int n = 0;
+  for (;; n++) {
+    if (now <= most) return n;
+    if (now < best) {
+      best = now, work = s->work_in_step;
+      ms_vector_copy(shape, s->x_next, x_best);
+      ms_vector_copy(shape, s->v_next, v_best);
+    }
+    if (n == MOST) break;
+    halve_step(s, &mean);
+    ms_stepper_reflect_remaining(s, NULL);
+    now = ms_step_energy_find_end(s) - s->work_in_step;
+  }
+  ms_vector_copy(shape, x_best, s->x_next);
+  ms_vector_copy(shape, v_best, s->v_next);
+  s->work_in_step = work;
+  return n;
+}
