@@ -3,11 +3,17 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/simd.h"
+#include "linear/rank_modes_kernels.h"
 #include "physics/angle_springs.h"
 #include "physics/rank_model.h"
 
-enum { WEIGHTS = 4, PRODUCTS = 2, NONE = -1 };
+enum { PRODUCTS = 2 };
+
+MS_TABLES(ms_rank_modes_kernels);
+
+static const ms_rank_modes_kernels *kernels_of(const ms_rank_modes *q) {
+  return ms_rank_modes_kernels_of[q->model->isa];
+}
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -39,11 +45,11 @@ static void set_weights(ms_rank_modes *q, const frame *frames) {
     const frame *f = &frames[q->rank[r] = q->model->rank_model->part->owner[p]];
     double extent = 0;
     for (int c = 0; c < 3; c++) extent = fmax(extent, f->high[c] - f->low[c]);
-    q->weight[WEIGHTS * (size_t)r] = 1;
+    q->weight[MS_RANK_WEIGHTS * (size_t)r] = 1;
     for (int32_t c = 0; c < rows->dims && extent > 0; c++) {
       const int32_t axis = rows->axis[c];
       const double x = q->model->scene->x[3 * (size_t)p + (size_t)axis];
-      q->weight[WEIGHTS * (size_t)r + (size_t)c + 1] =
+      q->weight[MS_RANK_WEIGHTS * (size_t)r + (size_t)c + 1] =
           (2 * x - f->low[axis] - f->high[axis]) / extent;
     }
   }
@@ -53,7 +59,8 @@ static int create_weights(ms_rank_modes *q) {
   const msim_allocator *alloc = &q->model->scene->alloc;
   const size_t rows = (size_t)q->model->unknowns.first_fixed;
   frame *frames = NULL;
-  const int fits = MS_NEW(alloc, q->rank, rows) && MS_NEW(alloc, q->weight, WEIGHTS * rows) &&
+  const int fits = MS_NEW(alloc, q->rank, rows) &&
+                   MS_NEW(alloc, q->weight, MS_RANK_WEIGHTS * rows) &&
                    MS_NEW(alloc, frames, q->model->shape.ranks->n);
   if (fits) {
     measure_frames(q->model, frames);
@@ -107,7 +114,7 @@ static void list_blocks(const ms_sparse_graph *graph, ms_rank_modes *q) {
   int32_t next = 0;
   for (int32_t r = 0; r < graph->n; r++) {
     const int32_t first = next;
-    q->index[r] = NONE;
+    q->index[r] = MS_RANK_NO_BLOCK;
     for (int32_t at = graph->ptr[r] - 1; at < graph->ptr[r + 1]; at++) {
       const int32_t c = at < graph->ptr[r] ? r : graph->ind[at];
       if (position[r] < position[c]) continue;
@@ -163,78 +170,6 @@ void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *q) {
 
 /*------------------------------------- the matrix -----------------------------------------------*/
 
-/* Own blocks += (weights of row i) block (weights of row j), by columns */
-static void add_block(ms_rank_modes *q, int32_t i, int32_t j, double block[3][3]) {
-  const int32_t dims = q->model->unknowns.dims, modes = 1 + dims, n = q->chol.block;
-  const double *wi = q->weight + WEIGHTS * (size_t)i, *wj = q->weight + WEIGHTS * (size_t)j;
-  if (q->index[q->rank[j]] == NONE) return;
-  double *to = q->own + (size_t)(n * n) * (size_t)q->index[q->rank[j]];
-  for (int32_t c = 0; c < dims; c++)
-    for (int32_t l = 0; l < modes; l++)
-      for (int32_t b = 0; b < dims; b++)
-        for (int32_t k = 0; k < modes; k++)
-          to[n * (modes * c + l) + modes * b + k] += wi[k] * block[b][c] * wj[l];
-}
-
-static void get_diagonal_block(const ms_model *model, const ms_coefficients *a, double by,
-                               int32_t row, double block[3][3]) {
-  const size_t sd = (size_t)model->unknowns.first_pinned, dims = (size_t)model->unknowns.dims;
-  for (size_t b = 0; b < dims; b++)
-    for (size_t c = 0; c < dims; c++) {
-      const size_t at = a->block == 1 ? 0 : ms_coefficients_diagonal_element(dims, b, c);
-      block[b][c] = a->block == 1 && b != c ? 0 : by * a->diagonal[at * sd + (size_t)row];
-    }
-}
-
-/* -(t I + g d d^T) of a half-edge of row i (force.h) */
-static void get_spring_block(const ms_model *model, const ms_coefficients *a, double by, int32_t i,
-                             int32_t at, double block[3][3]) {
-  const size_t stride = (size_t)model->unknowns.stride, dims = (size_t)model->unknowns.dims;
-  const size_t j = (size_t)model->half_edges.neighbour[at];
-  double d[3] = {0};
-  for (size_t c = 0; c < dims && a->block > 1; c++)
-    d[c] = a->x[c * stride + j] - a->x[c * stride + (size_t)i];
-  for (size_t b = 0; b < dims; b++)
-    for (size_t c = 0; c < dims; c++)
-      block[b][c] = -by * ((b == c ? a->t[at] : 0) + (a->block > 1 ? a->g[at] * d[b] * d[c] : 0));
-}
-
-/* sum += block (weights of row j), for a row j of this rank */
-static void add_own_column(const ms_rank_modes *q, int32_t j, double block[3][3],
-                           double sum[3][3][WEIGHTS]) {
-  const double *w = q->weight + WEIGHTS * (size_t)j;
-  for (int b = 0; b < 3; b++)
-    for (int c = 0; c < 3; c++)
-      for (int l = 0; l < WEIGHTS; l++) sum[b][c][l] += block[b][c] * w[l];
-}
-
-/* The diagonal block of this rank += (weights of row i) sum */
-static void add_own_row(ms_rank_modes *q, int32_t i, double sum[3][3][WEIGHTS]) {
-  const int32_t dims = q->model->unknowns.dims, modes = 1 + dims, n = q->chol.block;
-  const double *w = q->weight + WEIGHTS * (size_t)i;
-  for (int32_t c = 0; c < dims; c++)
-    for (int32_t l = 0; l < modes; l++)
-      for (int32_t b = 0; b < dims; b++)
-        for (int32_t k = 0; k < modes; k++)
-          q->own[n * (modes * c + l) + modes * b + k] += w[k] * sum[b][c][l];
-}
-
-/* Most columns are own ones: they are added up before the weights of the row multiply them. */
-static void add_row(ms_rank_modes *q, const ms_coefficients *a, double by, int32_t i) {
-  const ms_half_edge_span span = ms_half_edges_of_row(&q->model->half_edges, i);
-  double block[3][3] = {{0}}, sum[3][3][WEIGHTS] = {{{0}}};
-  get_diagonal_block(q->model, a, by, i, block);
-  add_own_column(q, i, block, sum);
-  for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t j = q->model->half_edges.neighbour[at];
-    if (q->model->half_edges.spring[at] < 0 || j >= q->model->unknowns.first_fixed) continue;
-    get_spring_block(q->model, a, by, i, at, block);
-    if (j < q->model->unknowns.nfree) add_own_column(q, j, block, sum);
-    else add_block(q, i, j, block);
-  }
-  add_own_row(q, i, sum);
-}
-
 /* Off-diagonal blocks of angular springs between corners, the first at an own unknown */
 static void add_angle(ms_rank_modes *q, const ms_coefficients *a, double by, int32_t e) {
   const int32_t *row = q->model->angles.row + 3 * (size_t)e;
@@ -246,7 +181,7 @@ static void add_angle(ms_rank_modes *q, const ms_coefficients *a, double by, int
       if (row[c] >= q->model->unknowns.first_fixed) continue;
       ms_angle_block(element, b, c, block);
       for (int k = 0; k < 9; k++) block[k / 3][k % 3] *= by;
-      add_block(q, row[b], row[c], block);
+      ms_rank_modes_add_block(q, row[b], row[c], block);
     }
 }
 
@@ -278,7 +213,7 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
   ms_ranks *ranks = q->model->shape.ranks;
   const size_t area = (size_t)(q->chol.block * q->chol.block);
   memset(q->own, 0, (size_t)q->bytes[ranks->rank]);
-  for (int32_t i = 0; i < q->model->unknowns.nfree; i++) add_row(q, a, by, i);
+  kernels_of(q)->add_rows(q, a, by);
   for (int32_t e = 0; e < q->model->angles.n; e++) add_angle(q, a, by, e);
   ms_ranks_gather_parts(ranks, q->bytes, q->own, q->all);
   q->is_ready = 0;
@@ -298,32 +233,21 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
 
 /* message = products and Q^T r */
 static void restrict_residual(ms_rank_modes *q, const double product[2], const double *r) {
-  const ms_unknowns *rows = &q->model->unknowns;
-  const size_t stride = (size_t)rows->stride, modes = 1 + (size_t)rows->dims;
-  const double *second = r + stride, *last = r + (size_t)(rows->dims - 1) * stride;
-  ms_quad sum[3] = {{0}};
-  for (size_t i = 0; i < (size_t)rows->nfree; i++) {
-    const ms_quad w = ms_simd_load_quad(q->weight + WEIGHTS * i);
-    sum[0] += w * r[i], sum[1] += w * second[i], sum[2] += w * last[i];
-  }
+  const size_t dims = (size_t)q->model->unknowns.dims, modes = 1 + dims;
+  double sums[3][MS_RANK_WEIGHTS];
+  kernels_of(q)->restrict_to(q, r, sums);
   memset(q->message, 0, (size_t)(q->chol.block + PRODUCTS) * sizeof *q->message);
   memcpy(q->message, product, PRODUCTS * sizeof *product);
-  for (size_t c = 0; c < (size_t)rows->dims; c++)
-    for (size_t k = 0; k < modes; k++) q->message[PRODUCTS + modes * c + k] = sum[c][k];
+  for (size_t c = 0; c < dims; c++)
+    memcpy(q->message + PRODUCTS + modes * c, sums[c], modes * sizeof **sums);
 }
 
 /* solution: at the modes of this rank */
 static void add_correction(const ms_rank_modes *q, const double *solution, double *z) {
-  const ms_unknowns *rows = &q->model->unknowns;
-  const size_t modes = 1 + (size_t)rows->dims;
-  for (size_t c = 0; c < (size_t)rows->dims; c++) {
-    double by[WEIGHTS] = {0}, *to = z + c * (size_t)rows->stride;
-    memcpy(by, solution + modes * c, modes * sizeof *by);
-    for (size_t i = 0; i < (size_t)rows->nfree; i++) {
-      const double *w = q->weight + WEIGHTS * i;
-      to[i] += (w[0] * by[0] + w[1] * by[1]) + (w[2] * by[2] + w[3] * by[3]);
-    }
-  }
+  const size_t dims = (size_t)q->model->unknowns.dims, modes = 1 + dims;
+  double by[3][MS_RANK_WEIGHTS] = {{0}};
+  for (size_t c = 0; c < dims; c++) memcpy(by[c], solution + modes * c, modes * sizeof **by);
+  kernels_of(q)->correct(q, by, z);
 }
 
 /* z = b and the sums of both products, of all ranks */

@@ -19,13 +19,13 @@
 
 typedef struct ms_rank_modes {
   const ms_model *model;
-  int32_t *rank;              /* first_fixed: of each unknown and ghost */
-  double *weight;             /* 4 first_fixed: 1 and the coordinates of each; less where planar */
-  ms_block_cholesky chol;     /* of Q^T A Q, blocks of 12, or 6 padded to 8 */
-  int32_t *index;             /* nranks: of block (own rank, r) in `own`; NONE: r sends it */
-  double *own, *all;          /* blocks of this rank; those of all ranks, in their order */
-  int64_t *bytes;             /* nranks: of the blocks of each */
-  int32_t *place;             /* where each of `all` is in chol.value */
+  int32_t *rank;          /* first_fixed: of each unknown and ghost */
+  double *weight;         /* 4 first_fixed: 1 and the coordinates of each; less where planar */
+  ms_block_cholesky chol; /* of Q^T A Q, blocks of 12, or 6 padded to 8 */
+  int32_t *index;    /* nranks: of block (own rank, r) in `own`; MS_RANK_NO_BLOCK: r sends it */
+  double *own, *all; /* blocks of this rank; those of all ranks, in their order */
+  int64_t *bytes;    /* nranks: of the blocks of each */
+  int32_t *place;    /* where each of `all` is in chol.value */
   double *message, *messages; /* 2 + chol.block, of each rank */
   double *z;                  /* chol.block nranks: b, then the solution */
   double *inverse;            /* own rows of (Q^T A Q)^-1, one after the other; NULL: few ranks */
