@@ -2,6 +2,7 @@
  * any number of ranks, or in one process, as it would have without them. */
 #include <stdint.h>
 
+#include "base/archive.h"
 #include "rank_runs.h"
 
 /* A run of N ranks to `half`, whose checkpoint others continue */
@@ -145,6 +146,34 @@ static void islands_of_one_process(void **state) {
   msim_scene_destroy(block);
 }
 
+/* The second block rests, and is the last one that is read. */
+static void some_islands_at_rest(void **state) {
+  (void)state;
+  msim_scene *scene;
+  double force[3 * 2 * 729] = {[0] = 0.1};
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int i = 0; i < 2; i++) {
+    const msim_lattice lattice = {.size = sizeof lattice,
+                                  .n = {9, 9, 9},
+                                  .origin = {2. * i, 0, 0},
+                                  .extent = {1, 1, 1},
+                                  .mass = 1,
+                                  .k = 100};
+    assert_ok(msim_scene_add_lattice(scene, &lattice, err));
+  }
+  assert_ok(msim_scene_set_forces(scene, force, err));
+  check_checkpoints("one block rests", scene, options("velocity-verlet", 5e-4), 20, 9, 3);
+  msim_scene_destroy(scene);
+}
+
+/* Some ranks have no particle, and some write no whole vector. */
+static void more_ranks_than_particles(void **state) {
+  (void)state;
+  msim_scene *rope = folded_rope(4);
+  check_checkpoints("short rope", rope, options("velocity-verlet", 1e-3), 20, 9, MOST_RANKS);
+  msim_scene_destroy(rope);
+}
+
 static void planar_scenes_and_moving_pins(void **state) {
   (void)state;
   const int32_t pin = 0;
@@ -280,11 +309,23 @@ static void check_implicit(const msim_scene *scene, double h, const char *solver
   free_run(&alone.r);
 }
 
+/* 1: coarse factors of the preconditioner serve several steps. */
+static int lags_factors(const msim_scene *scene, double h) {
+  msim_options opt = options("linearly-implicit-euler", h);
+  opt.solver = "pcg";
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 4, err));
+  const msim_stats stats = stats_of(sim);
+  msim_sim_destroy(sim);
+  return stats.coarse_factors > 0 && stats.coarse_factors < 4;
+}
+
 /* Also where one process has factored the matrix, or lags a coarse factor */
 static void implicit_steps(void **state) {
   (void)state;
-  msim_scene *cloth = hanging_cloth(30, 2e4, 0.01), *block = pinned_block(9, 1, 5000, 0),
+  msim_scene *cloth = hanging_cloth(30, 2e4, 0.01), *block = pinned_block(11, 1, 5e3, 0),
              *blocks = three_blocks();
+  assert_true(lags_factors(block, 5e-3));
   check_implicit(cloth, 5e-3, "auto");
   check_implicit(cloth, 5e-3, "pcg");
   check_implicit(block, 5e-3, "pcg");
@@ -322,6 +363,19 @@ static const char *check_refused(msim_comm *comm, void *data) {
   return NULL;
 }
 
+/* The number `from`, which the checkpoint has in one place, becomes `to`, with a right hash. */
+static void forge(char *bytes, size_t length, double from, double to) {
+  enum { HASH = 24, HEADER = 40 };
+  uint64_t hash = 0;
+  size_t at = HEADER;
+  while (at + sizeof from < length && memcmp(bytes + at, &from, sizeof from) != 0) at++;
+  assert_true(at + sizeof from < length);
+  memcpy(bytes + at, &to, sizeof to);
+  memcpy(bytes + HASH, &hash, sizeof hash);
+  hash = ms_archive_hash(ms_archive_hash(0, bytes, HEADER), bytes + HEADER, length - HEADER);
+  memcpy(bytes + HASH, &hash, sizeof hash);
+}
+
 static void expect_refused(refused_bytes c, const char *word) {
   c.word = word;
   const char *wrong = run_ranks(3, check_refused, &c);
@@ -347,6 +401,11 @@ static void what_ranks_refuse(void **state) {
   expect_refused(d, "the 3 ranks load different checkpoints");
   d = c, d.bytes[1] = damaged;
   expect_refused(d, "damaged");
+  memcpy(damaged, one.bytes, one.length);
+  forge(damaged, one.length, one.r.expected.x[3 * 40 + 2],
+        NAN); /* only one rank has the particle */
+  d = c, d.bytes[0] = d.bytes[1] = damaged;
+  expect_refused(d, "");
   d = c, d.opt.h = 2e-4;
   expect_refused(d, "h is 0.0002 here and 0.0001 in the checkpoint");
   msim_sim *sim = make_sim(cloth, &opt);
@@ -367,6 +426,8 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(explicit_methods),
       cmocka_unit_test(islands_of_one_process),
+      cmocka_unit_test(some_islands_at_rest),
+      cmocka_unit_test(more_ranks_than_particles),
       cmocka_unit_test(planar_scenes_and_moving_pins),
       cmocka_unit_test(last_good_state),
       cmocka_unit_test(implicit_steps),

@@ -60,7 +60,7 @@ static msim_status join_file(const msim_host *host, const msim_recording *what, 
 static msim_status begin_frame(void *self) { return count_call(self, BEGINS); }
 
 static msim_status write_part(void *self, const msim_frame *f, const msim_frame_part *part,
-                              uint64_t *hash) {
+                              msim_frame_hash *hash) {
   const size_t row = 3 * ((size_t)part->frame * (size_t)file.n + (size_t)part->first),
                rows = 3 * (size_t)part->n * sizeof(double),
                cell = (size_t)(part->frame * file.ncells + part->first_cell),
@@ -69,24 +69,26 @@ static msim_status write_part(void *self, const msim_frame *f, const msim_frame_
   memcpy(file.strain + cell, f->strain, cells), memcpy(file.tension + cell, f->tension, cells);
   file.rows += part->n;
   file.cells += (int)part->ncells;
-  *hash = UINT64_MAX - (uint64_t)part->n; /* sums exceed 2^64 */
+  *hash = (msim_frame_hash){UINT64_MAX - (uint64_t)part->n, 3}; /* sums exceed 2^64 */
   return count_call(self, PARTS);
 }
 
-static msim_status commit_frame(void *self, const msim_frame *f, uint64_t hash) {
+static msim_status commit_frame(void *self, const msim_frame *f, const msim_frame_part *part,
+                                const msim_frame_hash *hash) {
   const msim_status status = count_call(self, COMMITS);
   if (status) return status;
   file.t[file.committed] = f->t;
-  file.hash[file.committed++] = hash;
+  if (part->frame != file.committed || hash->checkpoint % 3) return MSIM_ERR_ARG;
+  file.hash[file.committed++] = hash->rows;
   return MSIM_OK;
 }
 
 static msim_status write_frame(void *self, const msim_frame *f) {
   const msim_frame_part all = {
       .size = sizeof all, .frame = file.committed, .n = file.n, .ncells = file.ncells};
-  uint64_t hash;
+  msim_frame_hash hash;
   const msim_status status = write_part(self, f, &all, &hash);
-  return status ? status : commit_frame(self, f, hash);
+  return status ? status : commit_frame(self, f, &all, &hash);
 }
 
 static msim_status close_file(void *self) { return count_call(self, CLOSES); }

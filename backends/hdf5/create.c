@@ -121,7 +121,7 @@ static void create_constants(recorder *r, const msim_recording *what) {
 /* A slot of zeros is invalid, because its hash is not 0. */
 static void create_slots(recorder *r, size_t capacity) {
   if (capacity == 0) return;
-  h5_allocate_slot(r, capacity);
+  r->capacity = capacity;
   for (int i = 0; i < NSLOTS; i++) {
     r->slot[i] = create_dataset(r, h5_slots[i], WHOLE, h5_slot_words(capacity), 0);
     h5_put(r, r->slot[i], WHOLE, 0, SLOT_BYTES, (uint64_t[SLOT_BYTES]){0});

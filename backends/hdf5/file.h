@@ -18,7 +18,7 @@ typedef struct recorder {
   double planned_t;  /* planned time of the last of them, s */
   int sync;
   size_t capacity; /* size of a checkpoint, bytes; 0: no slots */
-  uint64_t *words; /* buffer for a slot */
+  uint64_t *words; /* the slot that a file is resumed from; else NULL */
   fault fault;
   char operation[96]; /* present operation, for messages */
   char name[];        /* name of the file, for messages */
@@ -54,7 +54,7 @@ static inline int h5_has_column(const recorder *r, const column *c) {
   return c->format <= r->format && (r->has_pins || c->format != FORMAT_OF_PINS);
 }
 
-/* Allocate the buffer for slots with checkpoints of `capacity` bytes. */
+/* Allocate the buffer to read slots with checkpoints of `capacity` bytes. */
 void h5_allocate_slot(recorder *r, size_t capacity);
 
 enum { CREATE, GO_ON, LOOK };

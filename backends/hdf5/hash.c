@@ -20,6 +20,22 @@ uint64_t h5_slot_hash(const uint64_t *slot) {
   return h.sum;
 }
 
+uint64_t h5_slot_head_hash(const uint64_t *head) {
+  hash h = {0, 0};
+  h5_hash_words(&h, SLOT_BYTES - 1, head + 1);
+  return h.sum;
+}
+
+uint64_t h5_slot_bytes_hash(size_t first, const void *bytes, size_t size) {
+  hash h = {.count = SLOT_BYTES - 1 + first / 8};
+  uint64_t last = 0;
+  h5_hash_words(&h, size / 8, bytes);
+  if (size % 8 == 0) return h.sum;
+  memcpy(&last, (const char *)bytes + size / 8 * 8, size % 8);
+  h5_hash_words(&h, 1, &last);
+  return h.sum;
+}
+
 uint64_t h5_rows_hash(int64_t n, const msim_frame *frame, int64_t first, int64_t rows) {
   hash v = {.count = 3 * (uint64_t)first}, x = {.count = 3 * (uint64_t)(n + first)};
   h5_hash_words(&v, 3 * (size_t)rows, frame->v);

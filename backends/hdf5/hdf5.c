@@ -25,30 +25,42 @@ static void write_column(recorder *r, int i, const entry *e) {
   write_rows(r, i, e, r->written, 0, (int64_t)h5_frame_rows(r, h5_columns[i].shape));
 }
 
+static hid_t slot_of(const recorder *r, int64_t frame) { return r->slot[frame % NSLOTS]; }
+
+/* Write a part of the bytes of a slot: whole words, and in the last part what is left. */
+static void write_slot_bytes(recorder *r, const msim_frame *frame, const msim_frame_part *part) {
+  const size_t size = frame->checkpoint_length, words = size / 8, first = part->checkpoint_first;
+  const hid_t slot = slot_of(r, part->frame);
+  uint64_t last = 0;
+  if (!frame->checkpoint || !h5_doing(r, "write", h5_slots[part->frame % NSLOTS])) return;
+  if (first + size > r->capacity) {
+    h5_fail(r, MSIM_ERR_ARG, "a checkpoint of %zu bytes exceeds the %zu planned", first + size,
+            r->capacity);
+    return;
+  }
+  h5_put(r, slot, WHOLE, SLOT_BYTES + first / 8, words, frame->checkpoint);
+  if (size % 8 == 0) return;
+  memcpy(&last, (const char *)frame->checkpoint + 8 * words, size % 8);
+  h5_put(r, slot, WHOLE, SLOT_BYTES + first / 8 + words, 1, &last);
+}
+
 static void write_shared_rows(recorder *r, const entry *e, const msim_frame_part *part) {
   for (int i = 0; i < COMMIT; i++) {
     const shape s = h5_columns[i].shape;
     if (s == VECTOR) write_rows(r, i, e, part->frame, part->first, part->n);
     if (s == SINGLE) write_rows(r, i, e, part->frame, part->first_cell, part->ncells);
   }
+  write_slot_bytes(r, &e->frame, part);
 }
 
-static void write_checkpoint(recorder *r, const msim_frame *frame) {
-  const size_t bytes = frame->checkpoint_length, words = h5_slot_words(bytes);
-  const int which = (int)(r->written % NSLOTS);
-  if (!frame->checkpoint || !h5_doing(r, "write", h5_slots[which])) return;
-  if (bytes > r->capacity) {
-    h5_fail(r, MSIM_ERR_ARG, "a checkpoint of %zu bytes exceeds the %zu planned", bytes,
-            r->capacity);
-    return;
-  }
-  r->words[words - 1] = 0;
-  memcpy(r->words + SLOT_BYTES, frame->checkpoint, bytes);
-  r->words[SLOT_FRAME] = (uint64_t)r->written;
-  r->words[SLOT_STEP] = (uint64_t)frame->step;
-  r->words[SLOT_LENGTH] = bytes;
-  r->words[SLOT_HASH] = h5_slot_hash(r->words);
-  h5_put(r, r->slot[which], WHOLE, 0, words, r->words);
+static void write_slot_head(recorder *r, const msim_frame *frame, const msim_frame_part *part,
+                            uint64_t bytes_hash) {
+  uint64_t head[SLOT_BYTES] = {[SLOT_FRAME] = (uint64_t)part->frame,
+                               [SLOT_STEP] = (uint64_t)frame->step,
+                               [SLOT_LENGTH] = part->checkpoint_length};
+  if (part->checkpoint_length == 0 || !h5_doing(r, "write", h5_slots[part->frame % NSLOTS])) return;
+  head[SLOT_HASH] = bytes_hash + h5_slot_head_hash(head);
+  h5_put(r, slot_of(r, part->frame), WHOLE, 0, SLOT_BYTES, head);
 }
 
 static void write_count(recorder *r, int64_t frames) {
@@ -68,10 +80,11 @@ static void uncommit_frames(recorder *r) {
 }
 
 /* Write all but the shared rows, and commit the frame. */
-static void commit_entry(recorder *r, const entry *e) {
+static void commit_entry(recorder *r, const entry *e, const msim_frame_part *part,
+                         const msim_frame_hash *sum) {
   for (int i = 0; i < COMMIT; i++)
     if (!is_shared(h5_columns[i].shape)) write_column(r, i, e);
-  write_checkpoint(r, &e->frame);
+  write_slot_head(r, &e->frame, part, sum->checkpoint);
   h5_flush(r);
   write_column(r, COMMIT, e);
   h5_flush(r);
@@ -157,39 +170,49 @@ static msim_status begin_frame(void *self) {
                   (long long)r->nframes);
     return MSIM_ERR_ARG;
   }
+  r->host->free(r->host, r->words);
+  r->words = NULL;
   WITH_LIBRARY(r->host, uncommit_frames(r));
   return h5_report(r);
 }
 
 /* Rows of other processes than the one that commits the frame reach the file here. */
 static msim_status write_part(void *self, const msim_frame *frame, const msim_frame_part *part,
-                              uint64_t *sum) {
+                              msim_frame_hash *sum) {
   recorder *r = self;
   entry e = {.part = 0};
   COPY_KNOWN_MEMBERS(e.frame, frame);
-  *sum = h5_rows_hash(r->n, frame, part->first, part->n);
+  sum->rows = h5_rows_hash(r->n, frame, part->first, part->n);
+  sum->checkpoint = h5_slot_bytes_hash(part->checkpoint_first, e.frame.checkpoint,
+                                       e.frame.checkpoint ? e.frame.checkpoint_length : 0);
   WITH_LIBRARY(r->host, write_shared_rows(r, &e, part); if (part->n < r->n) h5_flush(r));
   return h5_report(r);
 }
 
-static msim_status commit_frame(void *self, const msim_frame *frame, uint64_t sum) {
+static msim_status commit_frame(void *self, const msim_frame *frame, const msim_frame_part *part,
+                                const msim_frame_hash *sum) {
   recorder *r = self;
   entry e = {.part = 0};
   COPY_KNOWN_MEMBERS(e.frame, frame);
-  e.hash = sum + h5_frame_rest_hash(r->n, frame);
-  WITH_LIBRARY(r->host, commit_entry(r, &e));
+  e.hash = sum->rows + h5_frame_rest_hash(r->n, frame);
+  WITH_LIBRARY(r->host, commit_entry(r, &e, part, sum));
   if (r->fault.status == MSIM_OK) r->committed = ++r->written;
   return h5_report(r);
 }
 
 static msim_status write_frame(void *self, const msim_frame *frame) {
   const recorder *r = self;
-  const msim_frame_part all = {
-      .size = sizeof all, .frame = r->written, .n = (int32_t)r->n, .ncells = r->ncells};
-  uint64_t sum;
+  msim_frame known = {0};
+  COPY_KNOWN_MEMBERS(known, frame);
+  const msim_frame_part all = {.size = sizeof all,
+                               .frame = r->written,
+                               .n = (int32_t)r->n,
+                               .ncells = r->ncells,
+                               .checkpoint_length = known.checkpoint ? known.checkpoint_length : 0};
+  msim_frame_hash sum;
   msim_status status = begin_frame(self);
   if (!status) status = write_part(self, frame, &all, &sum);
-  return status ? status : commit_frame(self, frame, sum);
+  return status ? status : commit_frame(self, frame, &all, &sum);
 }
 
 MSIM_RECORDER_ENTRY(hdf5) {

@@ -288,7 +288,7 @@ void h5_join(recorder *r, const msim_recording *what) {
   h5_doing(r, "open", "the file");
   h5_open_file(r, what->path, GO_ON);
   check_counts(r, what);
-  open_columns(r);
+  r->capacity = (size_t)(open_columns(r) - SLOT_BYTES) * 8;
   h5_drop(r, H5Dclose, r->count); /* that of the other process */
   r->count = H5I_INVALID_HID;
 }

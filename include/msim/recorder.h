@@ -86,7 +86,16 @@ typedef struct msim_frame_part {
   int64_t frame; /* number of the frame in the file, from 0 on */
   int32_t first, n;
   int64_t first_cell, ncells;
+  /* The frame's checkpoint is a part of a whole one of checkpoint_length bytes, 0: none, from byte
+   * checkpoint_first on, a multiple of 8. */
+  size_t checkpoint_first, checkpoint_length;
 } msim_frame_part;
+
+/* Sums over words, modulo 2^64, that the recorder defines: of the rows of a frame, and of the bytes
+ * of its checkpoint */
+typedef struct msim_frame_hash {
+  uint64_t rows, checkpoint;
+} msim_frame_hash;
 
 /* The point at which a file is resumed. Borrowed until the next call with the recorder. */
 typedef struct msim_resumption {
@@ -128,13 +137,15 @@ struct msim_recorder_type {
 
   /* Several ranks write one file: all four, or none. Rank 0 opens or resumes it; then the others
    * join(), for which `times` and `scene` are NULL. After begin() on rank 0 all ranks write their
-   * parts of a frame; then commit() on rank 0 writes all else and has the sum, modulo 2^64, of the
-   * hashes that write_part() has returned. The other ranks write nothing else. */
+   * parts of a frame; then commit() on rank 0 writes all else. It has its part once more, and the
+   * sums, modulo 2^64, of the hashes that write_part() has returned. The other ranks write nothing
+   * else. */
   msim_status (*join)(const msim_host *host, const msim_recording *what, void **self);
   msim_status (*begin)(void *self);
   msim_status (*write_part)(void *self, const msim_frame *frame, const msim_frame_part *part,
-                            uint64_t *hash);
-  msim_status (*commit)(void *self, const msim_frame *frame, uint64_t hash);
+                            msim_frame_hash *hash);
+  msim_status (*commit)(void *self, const msim_frame *frame, const msim_frame_part *part,
+                        const msim_frame_hash *hash);
 };
 
 #define MSIM_RECORDER_SIZE_1 (offsetof(msim_recorder_type, close) + sizeof(void (*)(void *)))

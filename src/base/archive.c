@@ -2,12 +2,19 @@
 
 #include <string.h>
 
+/* Copy what lies in the buffer, which has a part of all bytes. */
+static void write_overlap(ms_archive *b, const unsigned char *data, size_t size) {
+  const size_t end = b->position + size, last = b->first + b->size;
+  const size_t from = b->position > b->first ? b->position : b->first, to = end < last ? end : last;
+  if (from < to) memcpy(b->data + (from - b->first), data + (from - b->position), to - from);
+}
+
 void ms_archive_transfer(ms_archive *b, void *data, size_t size) {
-  if (size > 0 && b->direction != MS_ARCHIVE_COUNT && b->position <= b->size &&
-      size <= b->size - b->position) {
-    unsigned char *at = b->data + b->position;
-    if (b->direction == MS_ARCHIVE_WRITE) memcpy(at, data, size);
-    else if (b->direction == MS_ARCHIVE_READ) memcpy(data, at, size);
+  if (b->direction == MS_ARCHIVE_WRITE && b->data) write_overlap(b, data, size);
+  else if (size > 0 && b->direction != MS_ARCHIVE_COUNT && b->position <= b->size &&
+           size <= b->size - b->position) {
+    const unsigned char *at = b->data + b->position;
+    if (b->direction == MS_ARCHIVE_READ) memcpy(data, at, size);
     else b->differs |= memcmp(data, at, size) != 0;
   }
   b->position += size;
@@ -40,14 +47,26 @@ static uint64_t mix_word(uint64_t hash, uint64_t word) {
   return hash ^ hash >> 31;
 }
 
-uint64_t ms_archive_hash(uint64_t before, const void *data, size_t size) {
+uint64_t ms_archive_hash_begin(uint64_t before, size_t size) { return mix_word(before, size); }
+
+uint64_t ms_archive_hash_words(uint64_t hash, const void *data, size_t size) {
   const unsigned char *at = data;
-  uint64_t hash = mix_word(before, size), word;
-  for (; size >= sizeof word; size -= sizeof word, at += sizeof word) {
-    memcpy(&word, at, sizeof word);
+  uint64_t word;
+  for (size_t i = 0; i + sizeof word <= size; i += sizeof word) {
+    memcpy(&word, at + i, sizeof word);
     hash = mix_word(hash, word);
   }
-  word = 0;
-  if (size) memcpy(&word, at, size);
+  return hash;
+}
+
+uint64_t ms_archive_hash_last(uint64_t hash, const void *data, size_t size) {
+  const size_t rest = size % sizeof hash;
+  uint64_t word = 0;
+  hash = ms_archive_hash_words(hash, data, size);
+  if (rest) memcpy(&word, (const unsigned char *)data + (size - rest), rest);
   return mix_word(hash, word);
+}
+
+uint64_t ms_archive_hash(uint64_t before, const void *data, size_t size) {
+  return ms_archive_hash_last(ms_archive_hash_begin(before, size), data, size);
 }

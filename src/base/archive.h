@@ -32,6 +32,7 @@ typedef struct ms_archive {
   ms_archive_mode direction;
   unsigned char *data;      /* COUNT: NULL. READ, COMPARE: only read from */
   size_t size, position;    /* used > size: the buffer is too small, the excess was not copied */
+  size_t first;             /* WRITE: data has `size` bytes from this position on; else 0 */
   const char *invalid_item; /* READ: the first item that is invalid; NULL: none */
   int differs;              /* COMPARE: data and bytes differ */
   ms_archive_rows *rows;    /* NULL: this process has all rows */
@@ -60,5 +61,11 @@ void ms_archive_check(ms_archive *b, int is_so, const char *what);
 
 /* Hash of `before` and these bytes. A change of one byte always changes the hash. */
 uint64_t ms_archive_hash(uint64_t before, const void *data, size_t size);
+
+/* The same in pieces: begin with the size of all, then each piece, in order; all but the last one
+ * have whole words of 8 bytes. */
+uint64_t ms_archive_hash_begin(uint64_t before, size_t size);
+uint64_t ms_archive_hash_words(uint64_t hash, const void *data, size_t size);
+uint64_t ms_archive_hash_last(uint64_t hash, const void *data, size_t size);
 
 #endif

@@ -36,12 +36,18 @@ typedef struct header {
   uint64_t fingerprint;  /* bytes of the fingerprint */
 } header;
 
-/* The hash of all bytes, where h replaces the header. */
-static uint64_t hash_of(const header *h, const void *from) {
+/* The hash of all bytes begins with that of the header, in which it is 0 itself. */
+static uint64_t begin_hash(const header *h) {
   header without = *h;
   without.hash = 0;
-  return ms_archive_hash(ms_archive_hash(0, &without, sizeof without),
-                         (const char *)from + sizeof without, (size_t)h->length - sizeof without);
+  return ms_archive_hash_begin(ms_archive_hash(0, &without, sizeof without),
+                               (size_t)h->length - sizeof without);
+}
+
+/* ... where h replaces the header */
+static uint64_t hash_of(const header *h, const void *from) {
+  return ms_archive_hash_last(begin_hash(h), (const char *)from + sizeof *h,
+                              (size_t)h->length - sizeof *h);
 }
 
 /*------------------------------------- fingerprint ----------------------------------------------*/
@@ -81,7 +87,7 @@ size_t msim_sim_save_size(const msim_sim *sim) {
   ms_rank_rows rows;
   ms_archive b = {.direction = MS_ARCHIVE_COUNT,
                   .position = sizeof(header),
-                  .rows = ms_rank_rows_begin(&rows, sim->part)};
+                  .rows = ms_rank_rows_begin(&rows, sim->part, NULL)};
   ms_saved_run r = ms_saved_run_collect(sim);
   r.saves_last_step = ms_options_have_frame_times(&sim->config.opt);
   ms_fingerprint_list(sim, write_entry, &b);
@@ -90,48 +96,116 @@ size_t msim_sim_save_size(const msim_sim *sim) {
   return b.position;
 }
 
-/* Write all but the header. */
-static void write_bytes(ms_archive *b, msim_sim *sim, header *h) {
-  ms_saved_run_prepare_islands(sim);
-  ms_saved_run r = ms_saved_run_collect(sim);
-  ms_ranks_broadcast(sim->ranks, 0, sizeof r.stats, &r.stats); /* some are of each rank */
-  MS_ARCHIVE_TRANSFER(b, *h);
-  ms_fingerprint_hash_scene(sim);
+/* Write all but the header; r: of this state */
+static void write_bytes(ms_archive *b, msim_sim *sim, ms_saved_run *r, header *h) {
+  b->position = sizeof *h;
   ms_fingerprint_list(sim, write_entry, b);
   h->fingerprint = b->position - sizeof *h;
-  write_sim(b, sim, &r);
+  write_sim(b, sim, r);
   h->length = b->position;
 }
 
-msim_status ms_checkpoint_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
-                               msim_error *err) {
+/* What the archive writes next, as several ranks write it: whole words to each, the header to the
+ * first one. bounds: nranks + 1 */
+static void divide_bytes(msim_sim *sim, ms_saved_run *r, header *h) {
   ms_rank_rows rows;
-  ms_archive b = {.direction = MS_ARCHIVE_WRITE,
-                  .data = to,
-                  .size = to ? capacity : 0,
-                  .rows = ms_rank_rows_begin(&rows, sim->part)};
-  header h = {.magic = MAGIC, .order = ORDER, .version = VERSION};
-  msim_status status = MSIM_OK;
-  write_bytes(&b, sim, &h);
-  if (to && b.position > capacity)
-    status =
-        ms_error_set(err, MSIM_ERR_ARG,
-                     "the checkpoint needs %zu bytes, but capacity is %zu; use msim_sim_save_size",
-                     b.position, capacity);
-  status = ms_ranks_agree(sim->ranks, status, err);
-  if (status) return status;
-  *length = b.position;
-  if (to) {
-    h.hash = hash_of(&h, to);
-    memcpy(to, &h, sizeof h);
+  ms_archive count = {.direction = MS_ARCHIVE_WRITE,
+                      .rows = ms_rank_rows_begin(&rows, sim->part, NULL)};
+  size_t *bounds = sim->part->bounds;
+  const size_t n = (size_t)sim->ranks->n, word = sizeof(uint64_t);
+  write_bytes(&count, sim, r, h);
+  const size_t words = (count.position - sizeof *h) / word;
+  for (size_t k = 0; k <= n; k++)
+    bounds[k] = sizeof *h + word * (words / n * k + words % n * k / n);
+  bounds[0] = 0, bounds[n] = count.position;
+}
+
+size_t ms_checkpoint_part_capacity(const msim_sim *sim) {
+  const size_t size = msim_sim_save_size(sim);
+  if (!sim->ranks) return size;
+  return size / (size_t)sim->ranks->n + sizeof(header) + 2 * sizeof(uint64_t);
+}
+
+/* The hash of all bytes passes from rank to rank. */
+static uint64_t hash_parts(msim_sim *sim, const header *h, const ms_checkpoint_part *part) {
+  const size_t skipped = part->first == 0 ? sizeof *h : 0;
+  const unsigned char *bytes = part->bytes + skipped;
+  const size_t size = part->size - skipped;
+  const int32_t n = sim->ranks ? sim->ranks->n : 1, rank = sim->ranks ? sim->ranks->rank : 0;
+  uint64_t hash = begin_hash(h);
+  for (int32_t k = 0; k < n; k++) {
+    if (k == rank)
+      hash = k + 1 < n ? ms_archive_hash_words(hash, bytes, size)
+                       : ms_archive_hash_last(hash, bytes, size);
+    ms_ranks_broadcast(sim->ranks, k, sizeof hash, &hash);
   }
-  return ms_error_clear(err);
+  return hash;
+}
+
+/* Find what this rank writes: all in one process. Returns the archive for it. */
+static ms_archive begin_part(msim_sim *sim, ms_saved_run *r, ms_rank_rows *rows,
+                             ms_checkpoint_part *part) {
+  header h;
+  if (!sim->ranks) return (ms_archive){.direction = MS_ARCHIVE_WRITE};
+  divide_bytes(sim, r, &h);
+  const size_t *bounds = sim->part->bounds + sim->ranks->rank;
+  part->first = bounds[0], part->size = bounds[1] - bounds[0];
+  return (ms_archive){.direction = MS_ARCHIVE_WRITE,
+                      .first = part->first,
+                      .rows = ms_rank_rows_begin(rows, sim->part, sim->part->bounds)};
+}
+
+/* to: memory for the part if parts is 1, else for all parts */
+static msim_status write_part(msim_sim *sim, unsigned char *to, size_t capacity, int parts,
+                              ms_checkpoint_part *part, msim_error *err) {
+  ms_rank_rows rows;
+  header h = {.magic = MAGIC, .order = ORDER, .version = VERSION};
+  ms_saved_run_prepare_islands(sim);
+  ms_saved_run r = ms_saved_run_collect(sim);
+  ms_ranks_broadcast(sim->ranks, 0, sizeof r.stats, &r.stats); /* some are of each rank */
+  ms_fingerprint_hash_scene(sim);
+  *part = (ms_checkpoint_part){.bytes = to};
+  ms_archive b = begin_part(sim, &r, &rows, part);
+  const size_t before = parts ? 0 : part->first;
+  b.data = part->bytes = to + before, b.size = capacity > before ? capacity - before : 0;
+  write_bytes(&b, sim, &r, &h);
+  if (!sim->ranks) part->size = b.position;
+  part->length = b.position;
+  const size_t needed = parts ? part->size : part->length;
+  const msim_status status =
+      needed <= capacity ? MSIM_OK
+                         : ms_error_set(err, MSIM_ERR_ARG,
+                                        "the checkpoint needs %zu bytes, but capacity is %zu; use "
+                                        "msim_sim_save_size",
+                                        needed, capacity);
+  const msim_status agreed = ms_ranks_agree(sim->ranks, status, err);
+  if (agreed) return agreed;
+  h.hash = hash_parts(sim, &h, part);
+  if (part->first == 0) memcpy(part->bytes, &h, sizeof h);
+  return MSIM_OK;
+}
+
+msim_status ms_checkpoint_save_part(msim_sim *sim, void *to, size_t capacity,
+                                    ms_checkpoint_part *part, msim_error *err) {
+  const msim_status status = write_part(sim, to, capacity, 1, part, err);
+  return status ? status : ms_error_clear(err);
 }
 
 msim_status msim_sim_save(msim_sim *sim, void *to, size_t capacity, size_t *length,
                           msim_error *err) {
   if (!sim || !to || !length) return ms_error_set(err, MSIM_ERR_ARG, "sim, to or length is NULL");
-  return ms_checkpoint_save(sim, to, capacity, length, err);
+  ms_checkpoint_part part;
+  msim_status status = write_part(sim, to, capacity, 0, &part, err);
+  if (status) return status;
+  for (int32_t k = 0; sim->ranks && k < sim->ranks->n; k++) {
+    const size_t *bounds = sim->part->bounds + k;
+    ms_ranks_broadcast(sim->ranks, k, (int64_t)(bounds[1] - bounds[0]),
+                       (unsigned char *)to + bounds[0]);
+  }
+  status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
+  if (status) return status;
+  *length = part.length;
+  return ms_error_clear(err);
 }
 
 /*------------------------------------- load -----------------------------------------------------*/
@@ -186,7 +260,7 @@ msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_e
                   .data = (unsigned char *)(uintptr_t)from,
                   .size = length,
                   .position = sizeof h + (size_t)h.fingerprint,
-                  .rows = ms_rank_rows_begin(&rows, sim->part)};
+                  .rows = ms_rank_rows_begin(&rows, sim->part, NULL)};
   status = ms_restore_run(sim, &b, err);
   if (status) return status;
   ms_step_limit_warn(sim);

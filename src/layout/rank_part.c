@@ -15,13 +15,14 @@ static int create_scratch(const ms_scene *scene, ms_rank_part *part) {
   const size_t n = (size_t)part->ranks->n;
   size_t own = 0, all = 0;
   if (!MS_NEW(&scene->alloc, part->bytes, n) || !MS_NEW(&scene->alloc, part->next, n) ||
-      !MS_NEW(&scene->alloc, part->island_bytes, n))
+      !MS_NEW(&scene->alloc, part->send_bytes, n) ||
+      !MS_NEW(&scene->alloc, part->receive_bytes, n) || !MS_NEW(&scene->alloc, part->bounds, n + 1))
     return 0;
   for (int32_t p = 0; p < scene->nparticles; p++) {
     own += is_own(part, p) ? 1 : 0, all += part->owner[p] >= 0 ? 1 : 0;
     if (part->owner[p] >= 0) part->bytes[part->owner[p]] += 3 * (int64_t)sizeof(double);
   }
-  return MS_NEW(&scene->alloc, part->own, 3 * own) && MS_NEW(&scene->alloc, part->all, 3 * all);
+  return MS_NEW(&scene->alloc, part->own, 3 * own + n) && MS_NEW(&scene->alloc, part->all, 3 * all);
 }
 
 msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
@@ -46,8 +47,8 @@ void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *isl
 void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part) {
   if (!part) return;
   ms_whole_islands_destroy(alloc, &part->whole);
-  MS_FREE(alloc, part->owner, part->bytes, part->next, part->island_bytes, part->own, part->all,
-          part);
+  MS_FREE(alloc, part->owner, part->bytes, part->next, part->send_bytes, part->receive_bytes,
+          part->bounds, part->own, part->all, part);
 }
 
 double ms_rank_part_imbalance(const ms_scene *scene, const ms_rank_part *part) {

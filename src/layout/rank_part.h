@@ -24,10 +24,12 @@ typedef struct ms_rank_part {
   ms_ranks *ranks;
   int32_t *owner;         /* nparticles: the rank of each free particle (bisection.h) */
   ms_whole_islands whole; /* own unknowns are in this order; empty before islands are built */
-  /* Scratch of ms_rank_part_gather, and of checkpoints: nranks each, and 3 numbers of each own, and
-   * of each free particle */
-  int64_t *bytes, *next, *island_bytes;
+  int64_t *bytes;         /* nranks: those of 3 numbers of each own particle */
+  /* Scratch of ms_rank_part_gather and of checkpoints: nranks each, 3 numbers of each own particle
+   * and nranks, 3 numbers of each free particle; nranks + 1: which bytes each rank writes */
+  int64_t *next, *send_bytes, *receive_bytes;
   double *own, *all;
+  size_t *bounds;
 } ms_rank_part;
 
 /* Divide the scene among `ranks`, which the part borrows. After an error it may be there, and must

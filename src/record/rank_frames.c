@@ -45,14 +45,16 @@ msim_status ms_rank_frames_write(ms_rank_frames *f, const msim_recorder_type *ty
                                  ms_plugin_host *host, const msim_frame *frame, msim_error *err) {
   const int is_first = f->ranks->rank == 0;
   msim_frame part = *frame;
-  uint64_t hash = 0, sum = 0;
+  msim_frame_hash hash = {0, 0}, sum = {0, 0};
   part.x += 3 * (size_t)f->part.first, part.v += 3 * (size_t)f->part.first;
   msim_status status = agree(f, type, host, is_first ? type->begin(self) : MSIM_OK, err);
   if (!status) status = agree(f, type, host, type->write_part(self, &part, &f->part, &hash), err);
   if (status) return status;
   ms_ranks_gather(f->ranks, sizeof hash, &hash, f->hashes);
-  for (int32_t r = 0; r < f->ranks->n; r++) sum += f->hashes[r];
-  status = agree(f, type, host, is_first ? type->commit(self, frame, sum) : MSIM_OK, err);
+  for (int32_t r = 0; r < f->ranks->n; r++)
+    sum.rows += f->hashes[r].rows, sum.checkpoint += f->hashes[r].checkpoint;
+  status =
+      agree(f, type, host, is_first ? type->commit(self, frame, &f->part, &sum) : MSIM_OK, err);
   if (!status) f->part.frame++;
   return status;
 }

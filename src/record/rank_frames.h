@@ -9,9 +9,9 @@
 #include "sim/sim.h"
 
 typedef struct ms_rank_frames {
-  ms_ranks *ranks;      /* NULL: one process, or rank 0, writes whole frames */
-  msim_frame_part part; /* of this rank, in the next frame */
-  uint64_t *hashes;     /* of the parts of all ranks */
+  ms_ranks *ranks;         /* NULL: one process, or rank 0, writes whole frames */
+  msim_frame_part part;    /* of this rank, in the next frame */
+  msim_frame_hash *hashes; /* of the parts of all ranks */
 } ms_rank_frames;
 
 /* For a sim of several ranks whose recorder writes parts; else frames->ranks is NULL. */

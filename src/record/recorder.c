@@ -22,8 +22,9 @@ struct msim_recorder {
   void *self; /* NULL: closed, or on another rank than 0 that writes no rows */
   ms_plugin_host host;
   ms_output_file file;
-  void *checkpoint; /* buffer; NULL: on another rank than 0, or the format has none */
-  size_t capacity;  /* 0: the format has no checkpoints */
+  void *checkpoint;     /* buffer; NULL: the format has none, or ranks do not write parts */
+  size_t part_capacity; /* its size: for the part of this rank */
+  size_t capacity;      /* of a whole checkpoint; 0: none */
   ms_strain strain;
   double *poses;     /* 6 ncolliders */
   int64_t step_kept; /* of the last frame in a resumed file; -1: there is none */
@@ -268,15 +269,16 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   r->file = (ms_output_file){
       .path = path, .temporary_name.alloc = &sim->alloc, .fd = -1, .replaced_fd = -1};
   ms_plugin_init_host(&r->host, &sim->alloc);
-  if (MS_RECORDERS_HAS(type, resume)) r->capacity = msim_sim_save_size(sim);
   if (!MS_NEW(&sim->alloc, r->poses, 6 * (size_t)sim->scene->ncolliders))
     return ms_error_set_memory(err, "a recorder");
   status = ms_rank_frames_init(&r->frames, type, sim, err);
   if (!status && (r->frames.ranks || has_file(sim)))
     status = ms_strain_init(&r->strain, sim->scene, ms_rank_frames_cells(&r->frames, sim->scene),
                             has_file(sim), &sim->alloc, err);
-  if (status || r->capacity == 0 || !has_file(sim)) return status;
-  r->checkpoint = ms_memory_allocate(&sim->alloc, r->capacity, 1);
+  if (status || !MS_RECORDERS_HAS(type, resume) || (sim->ranks && !r->frames.ranks)) return status;
+  r->capacity = msim_sim_save_size(sim);
+  r->part_capacity = ms_checkpoint_part_capacity(sim);
+  r->checkpoint = ms_memory_allocate(&sim->alloc, r->part_capacity, 1);
   return r->checkpoint ? MSIM_OK : ms_error_set_memory(err, "a checkpoint");
 }
 
@@ -339,11 +341,16 @@ msim_status msim_recorder_resume(msim_sim *sim, const char *path, msim_recorder 
 
 /*------------------------------------- writing --------------------------------------------------*/
 
-/* Add the checkpoint; none if it exceeds the planned size, as after another state was set. */
+/* Add the checkpoint, or the part of this rank; none if it exceeds the planned size, as after
+ * another state was set. */
 static void add_checkpoint(msim_recorder *r, msim_frame *frame) {
-  if (r->capacity && ms_checkpoint_save(r->sim, r->checkpoint, r->capacity,
-                                        &frame->checkpoint_length, NULL) == MSIM_OK)
-    frame->checkpoint = r->checkpoint;
+  ms_checkpoint_part part = {0};
+  frame->checkpoint = NULL;
+  if (!r->checkpoint ||
+      ms_checkpoint_save_part(r->sim, r->checkpoint, r->part_capacity, &part, NULL) != MSIM_OK)
+    part = (ms_checkpoint_part){0};
+  frame->checkpoint = part.bytes, frame->checkpoint_length = part.size;
+  r->frames.part.checkpoint_first = part.first, r->frames.part.checkpoint_length = part.length;
 }
 
 /* The poses of all colliders; NULL: none moves */
