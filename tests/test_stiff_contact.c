@@ -199,6 +199,22 @@ static void force_functions_meet_contact(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* The two solves of a step share the iterations that a loop allows. */
+static void both_solves_keep_the_budget(void **state) {
+  (void)state;
+  msim_scene *scene = stiff_body(0, 3000, 0, 0.3);
+  msim_options opt = options("linearly-implicit-euler", 1.0 / 60);
+  opt.incomplete = MSIM_INCOMPLETE_ACCEPT, opt.solver = "pcg", opt.solver_max_iterations = 20;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, STEPS, err));
+  const msim_stats s = stats_of(sim);
+  assert_true(s.solves > 1.5 * STEPS && s.incomplete_steps > STEPS / 2);
+  assert_true(s.iterations <= 1.1 * 20 * STEPS);
+  expect_outside(0, sim);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /* Contacts follow from the state: a run goes on to the bit after a checkpoint, by any number of
  * threads. */
 static void resumed_runs_are_the_same(void **state) {
@@ -224,6 +240,7 @@ int main(void) {
                                      cmocka_unit_test(moving_solids_do_the_work),
                                      cmocka_unit_test(moved_handles_refuse_no_frame),
                                      cmocka_unit_test(force_functions_meet_contact),
+                                     cmocka_unit_test(both_solves_keep_the_budget),
                                      cmocka_unit_test(resumed_runs_are_the_same)};
   return cmocka_run_group_tests_name("stiff_contact", tests, NULL, NULL);
 }

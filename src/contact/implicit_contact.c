@@ -11,6 +11,7 @@
 #include "contact/step_energy.h"
 #include "methods/methods.h"
 #include "physics/external_force.h"
+#include "scene/options.h"
 
 /* Velocities along the normals: particles that are fast enough bounce; all particles reach the
  * plane; all particles keep their distances from it */
@@ -336,14 +337,24 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
 
 /*------------------------------------- collision = reflect --------------------------------------*/
 
-/* One step of a linear method by two solves, the first of which finds the particles in contact,
- * unless it was the method's own step. Particles that still end inside are reflected. */
+/* Two solves, the first of which finds the particles in contact, unless it was the method's own
+ * step. With incomplete = accept they share the iterations of a step. */
+static msim_status solve_twice(contact_solve *j, msim_error *err) {
+  const msim_options *opt = j->s->opt;
+  if (ms_options_accept_incomplete(opt))
+    j->e->most_iterations = (opt->solver_max_iterations + 1) / 2;
+  msim_status status = j->has_solution ? MSIM_OK : find_contacts(j, 1, err);
+  if (!status) status = solve_once(j, j->method, 0, err);
+  j->e->most_iterations = 0;
+  return status;
+}
+
+/* One step of a linear method. Particles that end inside are reflected. */
 static msim_status make_reflected_step(contact_solve *j, msim_error *err) {
   ms_stepper *s = j->s;
   const double before = s->work_in_step;
   const ms_step_energy start = ms_step_energy_bound(s, j->v_start);
-  msim_status status = j->has_solution ? MSIM_OK : find_contacts(j, 1, err);
-  if (!status) status = solve_once(j, j->method, 0, err);
+  const msim_status status = solve_twice(j, err);
   if (status) return status;
   ms_solid_contact_finish(s, 0);
   for (int32_t i = 0; i < j->e->ncontacts; i++) {

@@ -22,6 +22,7 @@ void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec) {
   ms_contact_set_make_constraints(s, spec->h);
   spec->guess = s->events->guess;
   spec->rtol = fmax(spec->rtol, s->events->draft_rtol);
+  spec->max_iterations = s->events->most_iterations;
   spec->constraint = s->events->constraint;
   spec->nconstraints = s->events->ncontacts;
 }

@@ -453,8 +453,8 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec
   const ms_shape shape = solver->system.model->shape;
   msim_status status = check_finite(solver, shape, b);
   if (status) return status;
-  solver->target =
-      (ms_linear_target){.rtol = spec->rtol, .max_iterations = solver->opt->solver_max_iterations};
+  const int32_t most = spec->max_iterations, usual = solver->opt->solver_max_iterations;
+  solver->target = (ms_linear_target){.rtol = spec->rtol, .max_iterations = most ? most : usual};
   solver->stats->solves++;
   status = solve_once(solver, spec, b, v, err);
   const int at_limit = status == MSIM_NOT_CONVERGED && !spec->v;

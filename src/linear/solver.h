@@ -76,13 +76,14 @@ typedef struct ms_linear_system_spec {
   int use_elimination; /* with v: 1 for elimination in place of BiCGStab, where unknowns are few */
   ms_constraint *constraint; /* nholds constrained unknowns */
   int32_t nconstraints;
-  int clamp;           /* 1: the clamped matrix, which is always positive definite */
-  int32_t indefinite;  /* MSIM_INDEFINITE_...: the treatment of an A that is not positive definite;
+  int clamp;          /* 1: the clamped matrix, which is always positive definite */
+  int32_t indefinite; /* MSIM_INDEFINITE_...: the treatment of an A that is not positive definite;
                          -1: none, MSIM_NOT_SPD is returned */
-  double rtol;         /* of the residual */
-  const double *base;  /* the solution is a change from this velocity: the right-hand side is
+  double rtol;        /* of the residual */
+  int32_t max_iterations; /* 0: that of the options */
+  const double *base;     /* the solution is a change from this velocity: the right-hand side is
                          b - (A - M) base, with the matrix that is finally used; NULL: b */
-  const double *guess; /* initial guess of the solution; NULL: 0. rtol stays relative to the
+  const double *guess;    /* initial guess of the solution; NULL: 0. rtol stays relative to the
                           right-hand side, so that a better guess takes fewer iterations */
 } ms_linear_system_spec;
 
