@@ -314,14 +314,14 @@ MSIM_API msim_status msim_sim_move_collider(msim_sim *sim, int32_t collider,
 MSIM_API msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t *particles /* n */,
                                          int32_t pinned, msim_error *err);
 
-/* Remove and add particles and springs of this sim, not of its scene: a run with the others starts
- * from the present state like msim_sim_set_gravity, as in a sim created from the edited scene. What
- * stays continues in its state, what is added starts with the given x and v, and the energy that
- * both change counts as work. Only islands that differ are built and analyzed anew; integrator =
- * auto and respa build all. Checkpoints contain the edited scene, and are loaded into a sim of the
- * original one. Recorders opened before refuse further frames. Time grows with the number of
- * particles and springs of the whole scene: make one edit of many changes. Faces and removed
- * indices as msim_scene_edit. May return plugin statuses. */
+/* Remove and add particles and springs, also angular ones, of this sim, not of its scene: a run
+ * with the others starts from the present state like msim_sim_set_gravity, as in a sim created from
+ * the edited scene. What stays continues in its state, what is added starts with the given x and v,
+ * and the energy that both change counts as work. Only islands that differ are built and analyzed
+ * anew; integrator = auto and respa build all. Checkpoints contain the edited scene, and are loaded
+ * into a sim of the original one. Recorders opened before refuse further frames. Time grows with
+ * the number of particles and springs of the whole scene: make one edit of many changes. Faces and
+ * removed indices as msim_scene_edit. May return plugin statuses. */
 MSIM_API msim_status msim_sim_edit(msim_sim *sim, const msim_edit *edit, msim_error *err);
 
 /* Break springs by hand, as the thresholds of laws do: from now on they exert no force, and keep

@@ -273,6 +273,12 @@ typedef struct msim_edit {
   const double *rest;    /* nsprings, m. Nullable: the present distances. */
   const double *damping; /* nsprings, N s/m. Nullable: 0. */
   const int32_t *law;    /* nsprings: their laws. Nullable: linear. */
+  /* Later additions. */
+  int32_t nangles;             /* angular springs to add, as by msim_scene_add_angles */
+  const int32_t *ijk;          /* 3 nangles: particles that stay, or are added */
+  const double *angle_k;       /* nangles, N m/rad^2, >= 0 */
+  const double *angle_rest;    /* nangles, rad. Nullable: the present angles. */
+  const double *angle_damping; /* nangles, N m s/rad. Nullable: 0. */
 } msim_edit;
 
 /* The complete content of a scene; all pointers are borrowed. */
@@ -436,8 +442,8 @@ MSIM_API msim_status msim_scene_add_motion(msim_scene *scene, const msim_motion 
 MSIM_API msim_status msim_scene_get_motion(const msim_scene *scene, int32_t i, msim_motion *motion);
 
 /* Remove and add particles and springs. Faces stay unless one of their particles is removed.
- * Removed indices may occur twice. MSIM_ERR_ARG: an index is out of range, or a spring to add has
- * an end that is removed; MSIM_ERR_SIZE. */
+ * Removed indices may occur twice. MSIM_ERR_ARG: an index is out of range, or a spring to add,
+ * also an angular one, has a particle that is removed; MSIM_ERR_SIZE. */
 MSIM_API msim_status msim_scene_edit(msim_scene *scene, const msim_edit *edit, msim_error *err);
 
 MSIM_API msim_status msim_scene_add_rope(msim_scene *scene, const msim_rope *rope, msim_error *err);

@@ -1,9 +1,11 @@
 /* change_topology - remove and add particles and springs of a running sim: a new run starts from
  * the present state */
+#include <math.h>
 #include <string.h>
 
 #include "base/vec3.h"
 #include "physics/energy.h"
+#include "scene/angles.h"
 #include "sim/reuse.h"
 #include "sim/rank_sim.h"
 
@@ -11,14 +13,14 @@
 typedef struct change {
   msim_edit edit;
   ms_edit_map map;
-  ms_scene *scene; /* the edited one */
-  double *x, *v;   /* 3n, of its particles */
-  double *rest;    /* lengths of added springs; NULL: they are given */
+  ms_scene *scene;           /* the edited one */
+  double *x, *v;             /* 3n, of its particles */
+  double *rest, *angle_rest; /* lengths and angles of added springs; NULL: they are given */
   ms_island_reuse reuse;
 } change;
 
 static void free_change(const msim_sim *sim, change *c) {
-  MS_FREE(&sim->alloc, c->x, c->v, c->rest);
+  MS_FREE(&sim->alloc, c->x, c->v, c->rest, c->angle_rest);
   ms_edit_map_destroy(sim->scene, &c->map);
   ms_reuse_destroy(sim, &c->reuse);
   ms_scene_release(c->scene);
@@ -30,11 +32,16 @@ static const double *position_of(const change *c, const msim_state *now, int32_t
   return p < now->n ? now->x + 3 * (size_t)p : c->edit.x + 3 * (size_t)(p - now->n);
 }
 
+/* The particles that springs to add may have */
+static int64_t count_particles(const change *c, const msim_state *now) {
+  return c->edit.x ? (int64_t)now->n + c->edit.nparticles : now->n;
+}
+
 /* The present lengths of the springs to add: rest lengths that the caller has not given. Indices
  * out of range are refused later. */
 static msim_status measure_rest(const msim_sim *sim, const msim_state *now, change *c,
                                 msim_error *err) {
-  const int64_t n = c->edit.x ? (int64_t)now->n + c->edit.nparticles : now->n;
+  const int64_t n = count_particles(c, now);
   if (c->edit.rest || !c->edit.ij || c->edit.nsprings <= 0) return MSIM_OK;
   if (!MS_NEW(&sim->alloc, c->rest, c->edit.nsprings)) return ms_error_set_memory(err, "an edit");
   for (int32_t e = 0; e < c->edit.nsprings; e++) {
@@ -45,6 +52,30 @@ static msim_status measure_rest(const msim_sim *sim, const msim_state *now, chan
     c->rest[e] = ms_vec3_norm(d);
   }
   c->edit.rest = c->rest;
+  return MSIM_OK;
+}
+
+/* The same of angular springs */
+static msim_status measure_angles(const msim_sim *sim, const msim_state *now, change *c,
+                                  msim_error *err) {
+  const int64_t n = count_particles(c, now);
+  if (c->edit.angle_rest || !c->edit.ijk || c->edit.nangles <= 0) return MSIM_OK;
+  if (!MS_NEW(&sim->alloc, c->angle_rest, c->edit.nangles))
+    return ms_error_set_memory(err, "an edit");
+  for (int32_t e = 0; e < c->edit.nangles; e++) {
+    const int32_t *ijk = c->edit.ijk + 3 * (size_t)e;
+    const double *at[3];
+    int valid = 1;
+    for (int q = 0; q < 3; q++) valid &= ijk[q] >= 0 && ijk[q] < n;
+    for (int q = 0; q < 3 && valid; q++) at[q] = position_of(c, now, ijk[q]);
+    if (valid) c->angle_rest[e] = ms_scene_angles_measure((const double *const *)at);
+    if (isnan(c->angle_rest[e]))
+      return ms_error_set(err, MSIM_ERR_ARG,
+                          "the angle of angles.ijk[%d] is not defined, as an edge has no length; "
+                          "specify angle_rest or move its particles",
+                          e);
+  }
+  c->edit.angle_rest = c->angle_rest;
   return MSIM_OK;
 }
 
@@ -69,6 +100,7 @@ static msim_status make_change(msim_sim *sim, const msim_edit *edit, const msim_
                                change *c, msim_error *err) {
   msim_status status = ms_edit_read(edit, &c->edit, err);
   if (!status) status = measure_rest(sim, now, c, err);
+  if (!status) status = measure_angles(sim, now, c, err);
   if (!status) status = ms_edit_map_create(sim->scene, &c->edit, &c->map, err);
   if (!status) status = ms_edit_copy(sim->scene, &c->edit, &c->map, &c->scene, err);
   if (status) return status;

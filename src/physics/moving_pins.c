@@ -77,6 +77,22 @@ void ms_moving_pins_destroy(const ms_scene *scene, ms_moving_pins *pins) {
   MS_FREE(&scene->alloc, pins->row, pins->spring, pins->corner, pins);
 }
 
+static void renumber_row(const ms_model *model, const ms_moving_row *mover, ms_moving_row *row) {
+  const ms_moving_row *now = &mover[model->unknowns.particle[row->row]];
+  row->motion = now->motion, row->i = now->i;
+}
+
+void ms_moving_pins_renumber(const ms_model *model, const ms_moving_row *mover) {
+  ms_moving_pins *p = model->pins;
+  p->speed = 0;
+  for (int32_t k = 0; k < p->n; k++) {
+    renumber_row(model, mover, &p->row[k]);
+    p->speed = fmax(p->speed, ms_motion_find_speed(&model->scene->motions[p->row[k].motion]));
+  }
+  for (int32_t k = 0; k < p->nsprings; k++) renumber_row(model, mover, &p->spring[k].end);
+  for (int32_t k = 0; k < p->ncorners; k++) renumber_row(model, mover, &p->corner[k].end);
+}
+
 /*------------------------------------- one model ------------------------------------------------*/
 
 static void evaluate_row(const ms_model *model, const ms_moving_row *row, ms_instant at,

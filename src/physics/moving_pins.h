@@ -42,6 +42,10 @@ typedef struct ms_moving_pins {
 msim_status ms_moving_pins_create(const ms_model *model, ms_moving_pins **pins, msim_error *err);
 void ms_moving_pins_destroy(const ms_scene *scene, ms_moving_pins *pins);
 
+/* Particles and motions of the model's scene have other numbers now. mover: the motion of each
+ * particle */
+void ms_moving_pins_renumber(const ms_model *model, const ms_moving_row *mover);
+
 /* Write the positions and velocities of moving rows at an instant. Nullable: v. */
 void ms_moving_pins_set(const ms_model *model, ms_instant at, double *x, double *v);
 

@@ -14,18 +14,23 @@ void ms_scene_angles_get_edges(const ms_scene *s, const int32_t ijk[3], double p
   for (int c = 0; c < 3; c++) p[c] = i[c] - j[c], q[c] = k[c] - j[c];
 }
 
-/* The angle at j. Edges that are straight up to the rounding of coordinates have the angle pi
- * exactly, which is a smooth minimum of the energy. */
-static double measure_angle(const ms_scene *s, const int32_t ijk[3]) {
+double ms_scene_angles_measure(const double *const at[3]) {
   double p[3], q[3], farthest = 0;
-  ms_scene_angles_get_edges(s, ijk, p, q);
-  for (int c = 0; c < 9; c++)
-    farthest = fmax(farthest, fabs(s->x[3 * (size_t)ijk[c / 3] + (size_t)(c % 3)]));
+  for (int c = 0; c < 3; c++) p[c] = at[0][c] - at[1][c], q[c] = at[2][c] - at[1][c];
+  for (int c = 0; c < 9; c++) farthest = fmax(farthest, fabs(at[c / 3][c % 3]));
+  const double a = ms_vec3_norm(p), b = ms_vec3_norm(q);
+  if (!(a > 0 && b > 0)) return NAN;
   const double w[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2],
                        p[0] * q[1] - p[1] * q[0]};
   const double across = ms_vec3_norm(w), along = ms_vec3_dot(p, q);
-  const double rounding = 4 * DBL_EPSILON * farthest * (ms_vec3_norm(p) + ms_vec3_norm(q));
+  const double rounding = 4 * DBL_EPSILON * farthest * (a + b);
   return along < 0 && across <= rounding ? MS_PI : atan2(across, along);
+}
+
+static double measure_angle(const ms_scene *s, const int32_t ijk[3]) {
+  const double *const at[3] = {s->x + 3 * (size_t)ijk[0], s->x + 3 * (size_t)ijk[1],
+                               s->x + 3 * (size_t)ijk[2]};
+  return ms_scene_angles_measure(at);
 }
 
 void ms_scene_angles_weigh(const ms_scene *scene, int32_t angle, double weight[2]) {

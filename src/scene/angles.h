@@ -10,6 +10,10 @@
 void ms_scene_angles_get_edges(const ms_scene *scene, const int32_t ijk[3], double p[3],
                                double q[3]);
 
+/* The angle at j between the edges to i and k, given their positions; pi exactly if these are
+ * straight up to rounding, which is a smooth minimum of the energy. NaN: an edge has no length. */
+double ms_scene_angles_measure(const double *const at[3]);
+
 /* Append n angular springs that have been checked. */
 msim_status ms_scene_angles_append(ms_scene *scene, int32_t n, const int32_t *ijk, const double *k,
                                    const double *rest, const double *damping, msim_error *err);

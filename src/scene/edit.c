@@ -7,7 +7,8 @@
 /*------------------------------------- what stays -----------------------------------------------*/
 
 msim_status ms_edit_read(const msim_edit *edit, msim_edit *full, msim_error *err) {
-  const msim_status status = ms_sized_check(edit, sizeof *full, sizeof *full, "edit", "edit", err);
+  const msim_status status =
+      ms_sized_check(edit, sizeof *full, MS_SIZE_THROUGH(msim_edit, law), "edit", "edit", err);
   if (!status) ms_sized_read(full, sizeof *full, edit);
   return status;
 }
@@ -40,7 +41,7 @@ msim_status ms_edit_map_create(const ms_scene *s, const msim_edit *edit, ms_edit
                                msim_error *err) {
   *map = (ms_edit_map){.nparticles = s->nparticles, .nsprings = s->nsprings};
   if (!MS_NEW(&s->alloc, map->particle, s->nparticles) ||
-      !MS_NEW(&s->alloc, map->spring, s->nsprings))
+      !MS_NEW(&s->alloc, map->spring, s->nsprings) || !MS_NEW(&s->alloc, map->angle, s->angles.n))
     return ms_error_set_memory(err, "an edit");
   msim_status status = mark_removed("particles", s->nparticles, edit->nremoved_particles,
                                     edit->removed_particles, map->particle, err);
@@ -51,13 +52,17 @@ msim_status ms_edit_map_create(const ms_scene *s, const msim_edit *edit, ms_edit
   for (int32_t e = 0; e < s->nsprings; e++)
     for (int end = 0; end < 2; end++)
       if (map->particle[s->ij[2 * (size_t)e + (size_t)end]] < 0) map->spring[e] = -1;
+  for (int32_t e = 0; e < s->angles.n; e++)
+    for (int corner = 0; corner < 3; corner++)
+      if (map->particle[s->angles.ijk[3 * (size_t)e + (size_t)corner]] < 0) map->angle[e] = -1;
   map->kept_particles = number_kept(s->nparticles, map->particle);
+  map->kept_angles = number_kept(s->angles.n, map->angle);
   map->kept_springs = number_kept(s->nsprings, map->spring);
   return MSIM_OK;
 }
 
 void ms_edit_map_destroy(const ms_scene *scene, ms_edit_map *map) {
-  MS_FREE(&scene->alloc, map->particle, map->spring);
+  MS_FREE(&scene->alloc, map->particle, map->spring, map->angle);
 }
 
 /*------------------------------------- removal --------------------------------------------------*/
@@ -108,18 +113,15 @@ static int map_corners(const ms_edit_map *map, const int32_t from[3], int32_t to
   return stay;
 }
 
-/* An angular spring is removed with any of its particles. */
 static void remove_angles(ms_scene *s, const ms_edit_map *map) {
   ms_scene_angles *g = &s->angles;
-  int32_t kept = 0;
   for (size_t e = 0; e < (size_t)g->n; e++) {
-    int32_t corner[3];
-    if (!map_corners(map, g->ijk + 3 * e, corner)) continue;
-    memcpy(g->ijk + 3 * (size_t)kept, corner, sizeof corner);
-    g->k[kept] = g->k[e], g->rest[kept] = g->rest[e], g->damping[kept] = g->damping[e];
-    kept++;
+    if (map->angle[e] < 0) continue;
+    const size_t to = (size_t)map->angle[e];
+    for (size_t c = 0; c < 3; c++) g->ijk[3 * to + c] = map->particle[g->ijk[3 * e + c]];
+    g->k[to] = g->k[e], g->rest[to] = g->rest[e], g->damping[to] = g->damping[e];
   }
-  g->n = kept;
+  g->n = map->kept_angles;
 }
 
 static void remove_faces(ms_scene *s, const ms_edit_map *map) {
@@ -134,21 +136,25 @@ static void remove_faces(ms_scene *s, const ms_edit_map *map) {
 
 /*------------------------------------- addition -------------------------------------------------*/
 
-/* The ends of springs to add, as they are numbered after the edit */
-static msim_status map_ends(const msim_edit *edit, const ms_edit_map *map, int32_t *ij,
-                            msim_error *err) {
-  const int64_t n = (int64_t)map->nparticles + edit->nparticles;
-  for (size_t i = 0; i < 2 * (size_t)edit->nsprings; i++) {
-    const int32_t p = edit->ij[i];
-    if (p < 0 || p >= n)
+/* The particles of n springs to add, `each` of each, as they are numbered after the edit. *to is to
+ * be freed. */
+static msim_status map_particles(const msim_edit *edit, const ms_edit_map *map, const char *what,
+                                 int32_t n, size_t each, const int32_t *from,
+                                 const msim_allocator *alloc, int32_t **to, msim_error *err) {
+  const int64_t total = (int64_t)map->nparticles + edit->nparticles;
+  if (!from) return ms_error_set(err, MSIM_ERR_ARG, "%s is NULL", strchr(what, '.') + 1);
+  if (!MS_NEW(alloc, *to, each * (size_t)n)) return ms_error_set_memory(err, "an edit");
+  for (size_t i = 0; i < each * (size_t)n; i++) {
+    const int32_t p = from[i];
+    if (p < 0 || p >= total)
       return ms_error_set(err, MSIM_ERR_ARG,
-                          "springs.ij[%zu] refers to particle %d; with those to add there are %lld "
+                          "%s[%zu] refers to particle %d; with those to add there are %lld "
                           "particles, counted from 0",
-                          i / 2, p, (long long)n);
-    ij[i] = p < map->nparticles ? map->particle[p] : p - map->nparticles + map->kept_particles;
-    if (ij[i] < 0)
-      return ms_error_set(err, MSIM_ERR_ARG,
-                          "springs.ij[%zu] refers to particle %d, which is removed", i / 2, p);
+                          what, i / each, p, (long long)total);
+    (*to)[i] = p < map->nparticles ? map->particle[p] : p - map->nparticles + map->kept_particles;
+    if ((*to)[i] < 0)
+      return ms_error_set(err, MSIM_ERR_ARG, "%s[%zu] refers to particle %d, which is removed",
+                          what, i / each, p);
   }
   return MSIM_OK;
 }
@@ -167,14 +173,26 @@ static msim_status add_springs(msim_scene *scene, const msim_edit *edit, const m
   int32_t *ij = NULL;
   msim_status status = ms_scene_check_count(edit->nsprings, "springs", err);
   if (status || edit->nsprings == 0) return status;
-  if (!edit->ij) return ms_error_set(err, MSIM_ERR_ARG, "ij is NULL");
-  if (!MS_NEW(&alloc, ij, 2 * (size_t)edit->nsprings)) return ms_error_set_memory(err, "an edit");
-  status = map_ends(edit, map, ij, err);
+  status = map_particles(edit, map, "springs.ij", edit->nsprings, 2, edit->ij, &alloc, &ij, err);
   if (!status)
     status =
         msim_scene_add_springs(scene, edit->nsprings, ij, edit->k, edit->rest, edit->damping, err);
   ms_memory_free(&alloc, ij);
   return status ? status : set_laws(scene, edit, map->kept_springs, err);
+}
+
+static msim_status add_angles(msim_scene *scene, const msim_edit *edit, const ms_edit_map *map,
+                              msim_error *err) {
+  const msim_allocator alloc = scene->data->alloc;
+  int32_t *ijk = NULL;
+  msim_status status = ms_scene_check_count(edit->nangles, "angles", err);
+  if (status || edit->nangles == 0) return status;
+  status = map_particles(edit, map, "angles.ijk", edit->nangles, 3, edit->ijk, &alloc, &ijk, err);
+  if (!status)
+    status = msim_scene_add_angles(scene, edit->nangles, ijk, edit->angle_k, edit->angle_rest,
+                                   edit->angle_damping, err);
+  ms_memory_free(&alloc, ijk);
+  return status;
 }
 
 /*------------------------------------- both -----------------------------------------------------*/
@@ -194,6 +212,7 @@ msim_status ms_edit_copy(ms_scene *scene, const msim_edit *edit, const ms_edit_m
     status = msim_scene_add_particles(&copy, edit->nparticles, edit->x, edit->v, edit->mass, err);
   }
   if (!status) status = add_springs(&copy, edit, map, err);
+  if (!status) status = add_angles(&copy, edit, map, err);
   if (status) ms_scene_release(copy.data);
   else *edited = copy.data;
   return status;

@@ -4,12 +4,12 @@
 
 #include "scene/scene.h"
 
-/* The numbers that particles and springs have after an edit; -1: they are removed. What stays keeps
- * its order, and what is added follows it. */
+/* The numbers that particles, springs and angular springs have after an edit; -1: they are removed.
+ * What stays keeps its order, and what is added follows it. */
 typedef struct ms_edit_map {
-  int32_t nparticles, nsprings;         /* before the edit */
-  int32_t kept_particles, kept_springs; /* that stay */
-  int32_t *particle, *spring;           /* nparticles, nsprings */
+  int32_t nparticles, nsprings;                      /* before the edit */
+  int32_t kept_particles, kept_springs, kept_angles; /* that stay */
+  int32_t *particle, *spring, *angle; /* nparticles, nsprings, and for each angular spring */
 } ms_edit_map;
 
 /* Copy the members that the caller's struct has. MSIM_ERR_SIZE */

@@ -1,5 +1,6 @@
 #include "sim/reuse.h"
 
+#include "physics/force_function.h"
 #include "physics/law_springs.h"
 #include "scene/laws.h"
 
@@ -20,8 +21,12 @@ static int may_reuse(const msim_sim *sim) {
 msim_status ms_reuse_create(const msim_sim *sim, const ms_edit_map *map, const ms_scene *edited,
                             ms_island_reuse *reuse, msim_error *err) {
   *reuse = (ms_island_reuse){.map = map};
-  if (!MS_NEW(&sim->alloc, reuse->island, edited->nparticles))
+  if (!MS_NEW(&sim->alloc, reuse->island, edited->nparticles) ||
+      (edited->nmotions && !MS_NEW(&sim->alloc, reuse->mover, edited->nparticles)))
     return ms_error_set_memory(err, "the islands of the scene");
+  for (int32_t m = 0; m < edited->nmotions; m++)
+    for (int32_t i = 0; i < edited->motions[m].n; i++)
+      reuse->mover[edited->motions[m].particles[i]] = (ms_moving_row){.motion = m, .i = i};
   for (int32_t p = 0; p < edited->nparticles; p++) reuse->island[p] = NONE;
   for (int32_t i = 0; i < sim->nislands && may_reuse(sim); i++) {
     const ms_unknowns *rows = &sim->islands[i].model.unknowns;
@@ -34,7 +39,7 @@ msim_status ms_reuse_create(const msim_sim *sim, const ms_edit_map *map, const m
 }
 
 void ms_reuse_destroy(const msim_sim *sim, ms_island_reuse *reuse) {
-  ms_memory_free(&sim->alloc, reuse->island);
+  MS_FREE(&sim->alloc, reuse->island, reuse->mover);
 }
 
 /*------------------------------------- comparison -----------------------------------------------*/
@@ -44,11 +49,15 @@ static int32_t find_old_island(const ms_island_reuse *reuse, const ms_island *is
   const int32_t old = island->nfree > 0 ? reuse->island[island->free[0]] : NONE;
   if (old == NONE) return NONE;
   const ms_model *model = &reuse->old->islands[old].model;
-  if (model->unknowns.nfree != island->nfree || model->springs.n != island->nsprings) return NONE;
+  if (model->unknowns.nfree != island->nfree || model->springs.n != island->nsprings ||
+      model->angles.n != island->nangles)
+    return NONE;
   for (int32_t i = 0; i < island->nfree; i++)
     if (reuse->island[island->free[i]] != old) return NONE;
   for (int32_t e = 0; e < island->nsprings; e++)
     if (island->spring[e] >= reuse->map->kept_springs) return NONE;
+  for (int32_t e = 0; e < island->nangles; e++)
+    if (island->angle[e] >= reuse->map->kept_angles) return NONE;
   return old;
 }
 
@@ -59,7 +68,6 @@ int ms_reuse_island(const msim_sim *sim, const ms_island *island, int32_t left_o
   const ms_island_sim *from = &sim->reuse->old->islands[old];
   const ms_solver *solver = from->stepper.solver;
   const ms_model *model = &from->model;
-  if (model->pins || model->function || model->angles.n || island->nangles) return 0;
   if (from->stepper.events && ms_collider_motion_is_there(sim->scene)) return 0;
   if (model->unknowns.dropped_axis != left_out) return 0;
   if (solver && solver->creation_h != sim->run.h) return 0;
@@ -70,12 +78,18 @@ int ms_reuse_island(const msim_sim *sim, const ms_island *island, int32_t left_o
 
 /*------------------------------------- move -----------------------------------------------------*/
 
-static void renumber(ms_model *model, const ms_scene *scene, const ms_edit_map *map) {
+static void renumber(ms_model *model, const ms_scene *scene, const ms_island_reuse *reuse) {
+  const ms_edit_map *map = reuse->map;
   int32_t *particle = model->unknowns.particle, *spring = model->springs.spring;
   for (int32_t r = 0; r < model->unknowns.stride; r++)
     if (particle[r] >= 0) particle[r] = map->particle[particle[r]];
   for (int32_t e = 0; e < model->springs.n; e++) spring[e] = map->spring[spring[e]];
+  for (int32_t e = 0; e < model->angles.n; e++)
+    model->angles.angle[e] = map->angle[model->angles.angle[e]];
+  for (int32_t i = 0; model->function && i < model->function->n; i++)
+    model->function->particle[i] = map->particle[model->function->particle[i]];
   model->scene = scene;
+  if (model->pins) ms_moving_pins_renumber(model, reuse->mover);
   if (model->laws) ms_law_springs_update(model);
 }
 
@@ -84,7 +98,7 @@ void ms_reuse_finish(msim_sim *sim) {
     if (!m->is_reused) continue;
     sim->reuse->old->islands[m->is_reused - 1] = (ms_island_sim){0};
     m->is_reused = 0;
-    renumber(&m->model, sim->scene, sim->reuse->map);
+    renumber(&m->model, sim->scene, sim->reuse);
     m->stepper.model = &m->model;
     m->stepper.stats = m->single_thread ? &m->stats : &sim->stats;
     if (m->stepper.solver) ms_solver_set_model(m->stepper.solver, &m->model);

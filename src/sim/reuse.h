@@ -1,13 +1,14 @@
 /* reuse - keeps the islands that an edit of the scene leaves as they were, with their models,
  * solvers and analyses
  *
- * Islands with moving pins, angular springs or a force function are built anew. Any other that is
- * kept has the same particles and springs as an old one, in the same order, with other
- * numbers in the scene. Its model, the order of its unknowns, its solver and their analyses follow
- * from that alone, so that steps have the bits of an island that is built anew. */
+ * An island that is kept has the same particles and springs as an old one, in the same order, with
+ * other numbers in the scene; motions of its pinned particles may have other numbers, too. Its
+ * model, the order of its unknowns, its solver and their analyses follow from that alone, so that
+ * steps have the bits of an island that is built anew. */
 #ifndef MS_REUSE_H
 #define MS_REUSE_H
 
+#include "physics/moving_pins.h"
 #include "scene/edit.h"
 #include "sim/sim.h"
 
@@ -15,6 +16,7 @@ typedef struct ms_island_reuse {
   const ms_edit_map *map;
   const ms_island_sims *old; /* the islands before the edit, while others are built */
   int32_t *island;           /* for each particle after the edit: its old island; -1: none */
+  ms_moving_row *mover;      /* likewise: its motion; NULL: the edited scene has none */
 } ms_island_reuse;
 
 /* For the islands in use, and the edited scene, whose islands will be built. */

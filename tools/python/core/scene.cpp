@@ -69,10 +69,14 @@ static int32_t add_law(Scene &s, int32_t kind, double half_width, double limit,
 
 static void edit(Scene &s, Ints removed_particles, Ints removed_springs, nb::object x, nb::object v,
                  nb::object mass, Ints ij, nb::object k, nb::object rest, nb::object damping,
-                 nb::object law) {
+                 nb::object law, Ints ijk, nb::object angle_k, nb::object angle_rest,
+                 nb::object angle_damping) {
   msim_error err;
-  const msim_edit e =
+  msim_edit e =
       make_edit(removed_particles, removed_springs, x, v, mass, ij, k, rest, damping, law);
+  e.nangles = static_cast<int32_t>(ijk.size() / 3);
+  e.ijk = ijk.data(), e.angle_k = data_or_null(angle_k), e.angle_rest = data_or_null(angle_rest);
+  e.angle_damping = data_or_null(angle_damping);
   check(msim_scene_edit(s.p, &e, &err), err);
 }
 
@@ -320,7 +324,7 @@ void bind_scene(nb::module_ &m) {
       .def("set_law", set_law)
       .def("edit", edit, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
            nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg().none(),
-           nb::arg().none())
+           nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg().none())
       .def("add_rope", add_rope)
       .def("add_cloth", add_cloth)
       .def("add_lattice", add_lattice)

@@ -328,10 +328,14 @@ static void set_pinned(Sim &s, Ints particles, bool pinned) {
 
 static void edit(Sim &s, Ints removed_particles, Ints removed_springs, nb::object x, nb::object v,
                  nb::object mass, Ints ij, nb::object k, nb::object rest, nb::object damping,
-                 nb::object law) {
+                 nb::object law, Ints ijk, nb::object angle_k, nb::object angle_rest,
+                 nb::object angle_damping) {
   msim_error err;
-  const msim_edit e =
+  msim_edit e =
       make_edit(removed_particles, removed_springs, x, v, mass, ij, k, rest, damping, law);
+  e.nangles = static_cast<int32_t>(ijk.size() / 3);
+  e.ijk = ijk.data(), e.angle_k = data_or_null(angle_k), e.angle_rest = data_or_null(angle_rest);
+  e.angle_damping = data_or_null(angle_damping);
   const msim_status status = msim_sim_edit(idle(s), &e, &err);
   show_warnings(*s.h, 2);
   check(status, err);
@@ -395,7 +399,7 @@ void bind_sim(nb::module_ &m) {
       .def("_set_pinned", set_pinned)
       .def("_edit", edit, nb::arg(), nb::arg(), nb::arg().none(), nb::arg().none(),
            nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg().none(),
-           nb::arg().none())
+           nb::arg().none(), nb::arg(), nb::arg().none(), nb::arg().none(), nb::arg().none())
       .def("_break_springs", break_springs)
       .def("_broken", broken)
       .def("dumps", save)

@@ -124,7 +124,8 @@ def test_breaking_nets_against_numpy(seed):
 def test_scenes_are_edited_as_sims(cloth):
     """The edited scene makes the sim that the edit makes."""
     arguments = {"remove_particles": [5, 20], "remove_springs": [3, 3, 40], "x": [[0.5, 0.5, 1.5]],
-                 "mass": 0.01, "ij": [[6, 64], [64, 7]], "k": [10, 20], "rest": 0.4}
+                 "mass": 0.01, "ij": [[6, 64], [64, 7]], "k": [10, 20], "rest": 0.4,
+                 "ijk": [[6, 64, 7], [0, 1, 2]], "angle_k": 0.01, "angle_rest": [2, np.pi]}
     sim = msim.Sim(cloth, integrator="velocity-verlet", h=1e-3)
     sim.edit(**arguments)
     cloth.edit(**arguments)
@@ -169,6 +170,8 @@ def test_messages(cloth):
             (lambda: sim.add_springs([[0, 1]], 1, law=[1, 2]), "one for each of 1 springs"),
             (lambda: sim.add_springs([[0, 64]], 1), r"springs.ij\[0\] refers to particle 64"),
             (lambda: sim.add_springs([[0, 1]], [1, 2]), "k must be one number"),
+            (lambda: sim.edit(ijk=[[0, 1, 2]]), "both ijk and angle_k"),
+            (lambda: sim.add_angles([[0, 1, 64]], 1), r"angles.ijk\[0\] refers to particle 64"),
             (lambda: cloth.add_law("linear"), "set break_strain or break_force"),
             (lambda: cloth.add_law("tension", break_strain=-1), "break_strain is -1")]:
         with pytest.raises(msim.ArgumentError, match=text):

@@ -151,10 +151,12 @@ class Scene(Obstacles):
              x: ArrayLike | None = None, mass: ArrayLike | None = None,
              v: ArrayLike | None = None, ij: ArrayLike = (), k: ArrayLike | None = None,
              rest: ArrayLike | None = None, damping: ArrayLike | None = None,
-             law: ArrayLike | None = None) -> None:
+             law: ArrayLike | None = None, ijk: ArrayLike = (),
+             angle_k: ArrayLike | None = None, angle_rest: ArrayLike | None = None,
+             angle_damping: ArrayLike | None = None) -> None:
         """Remove and add particles and springs at once, as Sim.edit does in a running sim."""
         self._core.edit(*_edits.arguments(remove_particles, remove_springs, x, mass, v, ij, k, rest,
-                                          damping, law))
+                                          damping, law, ijk, angle_k, angle_rest, angle_damping))
 
     def add_faces(self, corners: ArrayLike) -> None:
         """Add triangles of particles, (n, 3), which viewers draw; they have no mass or force."""

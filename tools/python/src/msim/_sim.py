@@ -160,15 +160,18 @@ class Sim(_core.Sim):
              x: ArrayLike | None = None, mass: ArrayLike | None = None,
              v: ArrayLike | None = None, ij: ArrayLike = (), k: ArrayLike | None = None,
              rest: ArrayLike | None = None, damping: ArrayLike | None = None,
-             law: ArrayLike | None = None) -> None:
+             law: ArrayLike | None = None, ijk: ArrayLike = (),
+             angle_k: ArrayLike | None = None, angle_rest: ArrayLike | None = None,
+             angle_damping: ArrayLike | None = None) -> None:
         """Remove and add particles and springs at once; a new run starts from the present state.
 
         All indices are those before; particles at x are numbered on from len(sim), so that ij may
         tie them. Afterwards what stays comes first, in its order, as with numpy.delete. Removed
-        particles take their springs, faces and motions along. rest: the present lengths.
+        particles take their springs, faces and motions along. rest, angle_rest: the present lengths
+        and angles, of springs ij and angular springs ijk.
         """
         self._edit(*_edits.arguments(remove_particles, remove_springs, x, mass, v, ij, k, rest,
-                                    damping, law))
+                                    damping, law, ijk, angle_k, angle_rest, angle_damping))
 
     def remove_springs(self, springs: ArrayLike) -> None:
         """Remove springs, an index or several: those behind them move up, as with numpy.delete."""
@@ -190,6 +193,11 @@ class Sim(_core.Sim):
         first = self.nsprings
         self.edit(ij=ij, k=k, rest=rest, damping=damping, law=law)
         return range(first, self.nsprings)
+
+    def add_angles(self, ijk: ArrayLike, k: ArrayLike, rest: ArrayLike | None = None,
+                   damping: ArrayLike | None = None) -> None:
+        """Add angular springs at the vertices j of ijk, (n, 3); rest: the present angle."""
+        self.edit(ijk=ijk, angle_k=k, angle_rest=rest, angle_damping=damping)
 
     def break_springs(self, springs: ArrayLike) -> None:
         """Let springs, an index or several, exert no force any more; they keep their indices."""
