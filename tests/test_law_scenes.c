@@ -3,7 +3,8 @@
 
 #include "scene_check.h"
 
-static const double numbers[] = {1, 2, 3}, descending[] = {1, 0.5, 2}, bad[] = {0, NAN, 1};
+static const double numbers[] = {1, 2, 3}, descending[] = {1, 0.5, 2}, bad[] = {0, NAN, 1},
+                    huge[] = {-1e300, 0};
 
 /* A scene with a rope of 3 particles, and law 1 */
 static msim_scene *sample(void) {
@@ -39,6 +40,14 @@ static const struct {
     {{.kind = MSIM_LAW_POLYNOMIAL, .n = 3, .limit = 1}, "coefficients is NULL"},
     {{.kind = MSIM_LAW_POLYNOMIAL, .n = 3, .coefficients = numbers}, "limit is 0"},
     {{.kind = MSIM_LAW_POLYNOMIAL, .n = 3, .limit = 1, .coefficients = bad}, "coefficients[1]"},
+    {{.kind = MSIM_LAW_POLYNOMIAL, .n = 1, .limit = 1, .coefficients = huge},
+     "coefficients[0] is -1e+300; it must lie between -1e+140 and 1e+140"},
+    {{.kind = MSIM_LAW_POLYNOMIAL, .n = 3, .limit = 1e300, .coefficients = numbers},
+     "limit is 1e+300; it must be a number > 0, and at most 1e+140"},
+    {{.kind = MSIM_LAW_TABLE, .n = 2, .stretch = huge, .force = numbers}, "stretch[0] is -1e+300"},
+    {{.kind = MSIM_LAW_TABLE, .n = 2, .stretch = numbers, .force = huge}, "force[0] is -1e+300"},
+    {{.kind = MSIM_LAW_CALLBACK, .function = sinh_law, .largest_slope = 1e300},
+     "largest_slope is 1e+300"},
     {{.kind = MSIM_LAW_TABLE, .n = 1, .stretch = numbers, .force = numbers}, "n is 1"},
     {{.kind = MSIM_LAW_TABLE, .n = 3, .stretch = numbers}, "force is NULL"},
     {{.kind = MSIM_LAW_TABLE, .n = 3, .stretch = descending, .force = numbers}, "stretch[1]"},

@@ -217,6 +217,32 @@ static void explain_gives_the_limit(void **state) {
   msim_scene_destroy(scene), msim_scene_destroy(damped), msim_scene_destroy(still);
 }
 
+/* k = 1e308: 4 k/m is beyond the range of double. No message recommends another method. */
+static void frequencies_beyond_double_are_named(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {1, 1}, k = 1e308;
+  const int32_t ij[2] = {0, 1};
+  static const char *const methods[] = {"velocity-verlet", "symplectic-euler", "explicit-euler"};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, err));
+  for (int i = 0; i < 3; i++) {
+    msim_options opt = options(methods[i], MSIM_H_AUTO);
+    msim_error why;
+    msim_sim *sim;
+    const char *text;
+    assert_int_equal(msim_sim_create(scene, &opt, &sim, &why), MSIM_ERR_ARG);
+    if (!strstr(why.text, "use smaller k")) fail_msg("%s", why.text);
+    opt.h = 1e-3, opt.t_end = 1;
+    sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_explain(sim, &text, err));
+    if (!strstr(text, "use smaller k") || strstr(text, "use velocity-verlet")) fail_msg("%s", text);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(too_long_a_step_gives_one_warning),
                                      cmocka_unit_test(rough_bounds_alone_give_no_warning),
@@ -225,6 +251,7 @@ int main(void) {
                                      cmocka_unit_test(h_auto_is_lowered_to_meet_the_end),
                                      cmocka_unit_test(h_auto_is_refused_without_a_limit),
                                      cmocka_unit_test(h_auto_is_read_and_written_as_text),
-                                     cmocka_unit_test(explain_gives_the_limit)};
+                                     cmocka_unit_test(explain_gives_the_limit),
+                                     cmocka_unit_test(frequencies_beyond_double_are_named)};
   return cmocka_run_group_tests_name("step_limit", tests, NULL, NULL);
 }

@@ -270,7 +270,8 @@ static int apply_preconditioner(void *data, N_Vector r, N_Vector z, double toler
 /* sqrt(r.P r) */
 static double preconditioned_norm(krylov *self, const double *r) {
   self->A->precondition(self->A, r, value_of(self->z));
-  return sqrt(fmax(0, dot_arrays(self->length, r, value_of(self->z))));
+  const double square = dot_arrays(self->length, r, value_of(self->z));
+  return sqrt(square < 0 ? 0 : square); /* NaN stays, as fmax would not let it */
 }
 
 /* ||S r|| */
@@ -347,7 +348,8 @@ static msim_status solve_right_hand_side(krylov *self, const msim_solve_params *
     if (shown && !gained) break;
   }
   info->iterations += count;
-  info->residual = fmax(info->residual, size > 0 ? left / size : 0);
+  const double relative = size == 0 ? 0 : left / size;
+  if (!(relative <= info->residual)) info->residual = relative;
   if (self->indefinite) info->definite = MSIM_DEFINITE_NOT;
   if (self->indefinite) return MSIM_NOT_SPD;
   return left <= goal && isfinite(goal) ? MSIM_OK : MSIM_NOT_CONVERGED;

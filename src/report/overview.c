@@ -29,7 +29,11 @@ static const char *find_error_remedy(const msim_sim *sim) {
 static void advise_explicit(const msim_sim *sim, ms_text *out) {
   const double h = sim->run.h, limit = sim->config.step_limit.limit;
   const char *name = sim->config.integrator->entry.name;
-  if (limit == 0)
+  if (ms_step_limit_is_beyond_range(&sim->config.step_limit))
+    ms_text_append(out,
+                   "use smaller k, or larger masses: springs vibrate faster than double precision "
+                   "can say\n");
+  else if (limit == 0)
     ms_text_append(out, "use velocity-verlet: with %s undamped vibrations grow at any h\n", name);
   else if (h > limit)
     ms_text_append(out,

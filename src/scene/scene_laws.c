@@ -1,16 +1,18 @@
 #include <math.h>
 
 #include "base/sized.h"
+#include "base/vector.h"
 #include "scene/laws.h"
 
 /*------------------------------------- checks ---------------------------------------------------*/
 
-static msim_status check_finite(const char *what, int32_t n, const double *values,
-                                msim_error *err) {
+static msim_status check_numbers(const char *what, int32_t n, const double *values,
+                                 msim_error *err) {
   if (!values) return ms_error_set(err, MSIM_ERR_ARG, "%s is NULL", what);
   for (int32_t i = 0; i < n; i++)
-    if (!isfinite(values[i]))
-      return ms_error_set(err, MSIM_ERR_ARG, "%s[%d] is %g; it must be finite", what, i, values[i]);
+    if (!(fabs(values[i]) <= MS_LARGEST_VALID))
+      return ms_error_set(err, MSIM_ERR_ARG, "%s[%d] is %g; it must lie between -%g and %g", what,
+                          i, values[i], MS_LARGEST_VALID, MS_LARGEST_VALID);
   return MSIM_OK;
 }
 
@@ -21,14 +23,15 @@ static msim_status check_count(const msim_law *law, int32_t least, msim_error *e
 }
 
 static msim_status check_positive(const char *what, double value, msim_error *err) {
-  if (isfinite(value) && value > 0) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_ARG, "%s is %g; it must be a finite number > 0", what, value);
+  if (value > 0 && value <= MS_LARGEST_VALID) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_ARG, "%s is %g; it must be a number > 0, and at most %g", what,
+                      value, MS_LARGEST_VALID);
 }
 
 static msim_status check_table(const msim_law *law, msim_error *err) {
   msim_status status = check_count(law, 2, err);
-  if (!status) status = check_finite("stretch", law->n, law->stretch, err);
-  if (!status) status = check_finite("force", law->n, law->force, err);
+  if (!status) status = check_numbers("stretch", law->n, law->stretch, err);
+  if (!status) status = check_numbers("force", law->n, law->force, err);
   for (int32_t i = 1; i < law->n && !status; i++)
     if (!(law->stretch[i] > law->stretch[i - 1]))
       status =
@@ -39,7 +42,7 @@ static msim_status check_table(const msim_law *law, msim_error *err) {
 
 static msim_status check_polynomial(const msim_law *law, msim_error *err) {
   msim_status status = check_count(law, 1, err);
-  if (!status) status = check_finite("coefficients", law->n, law->coefficients, err);
+  if (!status) status = check_numbers("coefficients", law->n, law->coefficients, err);
   return status ? status : check_positive("limit", law->limit, err);
 }
 

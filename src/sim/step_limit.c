@@ -29,6 +29,10 @@ static msim_status resolve_auto_h(msim_sim *sim, double *h, msim_error *err) {
   msim_status status = compute_bounds(sim, 1, err);
   if (status) return status;
   const double limit = sim->config.step_limit.limit;
+  if (ms_step_limit_is_beyond_range(&sim->config.step_limit))
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "h is 'auto', but springs vibrate faster than double precision can say; "
+                        "use smaller k, or larger masses");
   if (limit == 0)
     return ms_error_set(err, MSIM_ERR_ARG,
                         "h is 'auto', but undamped vibrations grow with %s at any h; use "
@@ -52,7 +56,12 @@ msim_status ms_step_limit_resolve_auto(msim_sim *sim, double *h, msim_error *err
 static void warn_long_step(const msim_sim *sim) {
   const char *name = sim->config.integrator->entry.name;
   const double h = sim->run.h, limit = sim->config.step_limit.limit;
-  if (limit > 0)
+  if (ms_step_limit_is_beyond_range(&sim->config.step_limit))
+    ms_sim_warn(sim,
+                "springs vibrate faster than double precision can say: no step of %s is short "
+                "enough; use smaller k, or larger masses",
+                name);
+  else if (limit > 0)
     ms_sim_warn(sim,
                 "h = %.6g s exceeds the stability limit of %s in this scene, %.6g s: the run may "
                 "become unstable; use h = %.3g or an implicit integrator",

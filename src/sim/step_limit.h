@@ -2,6 +2,8 @@
 #ifndef MS_STEP_LIMIT_H
 #define MS_STEP_LIMIT_H
 
+#include <math.h>
+
 #include "physics/bounds.h"
 
 /* The fraction of the stability limit that h = auto takes. At the limit itself the fastest mode
@@ -16,6 +18,11 @@ typedef struct ms_step_limit {
   int from_auto; /* 1: opt.h was MSIM_H_AUTO, and has been replaced */
   int warned;    /* 1: h exceeds the limit, and a warning said so */
 } ms_step_limit;
+
+/* 1: the bound on frequencies exceeds the range of double: no step is known to be stable. */
+static inline int ms_step_limit_is_beyond_range(const ms_step_limit *a) {
+  return isinf(a->bounds.omega);
+}
 
 /* Compute tight bounds, and the limit that follows from them. */
 msim_status ms_step_limit_compute(msim_sim *sim, msim_error *err);
