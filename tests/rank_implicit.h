@@ -36,6 +36,7 @@ static inline const char *check_implicit_rank(msim_comm *comm, void *data) {
   EXPECT(msim_sim_state(sim, &s) == MSIM_OK && msim_sim_stats(sim, &stats) == MSIM_OK);
   EXPECT(stats.rejected_steps == c->alone.rejected_steps);
   EXPECT(stats.newton_iterations == c->alone.newton_iterations);
+  EXPECT(stats.broken == c->alone.broken);
   EXPECT(msim_sim_energy(sim, &e) == MSIM_OK);
   EXPECT(fabs(e.work - c->r.energy.work) <= 1e-6 * (fabs(e.work) + fabs(e.total)));
   const double most = fmax(largest_of(c->r.expected.v, s.n), 9.81 * c->r.opt.h);

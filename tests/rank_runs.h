@@ -16,6 +16,7 @@ typedef struct run {
   int32_t steps;
   msim_state expected; /* of one process; x, v, v_half: owned */
   msim_energy energy;
+  int64_t broken; /* springs */
 } run;
 
 static inline double *copy_numbers(const double *from, int32_t n) {
@@ -34,6 +35,7 @@ static inline run run_alone(const msim_scene *scene, msim_options opt, int32_t s
   r.expected.v = copy_numbers(r.expected.v, r.expected.n);
   r.expected.v_half = copy_numbers(r.expected.v_half, r.expected.n);
   assert_int_equal(msim_sim_energy(sim, &r.energy), MSIM_OK);
+  r.broken = stats_of(sim).broken;
   msim_sim_destroy(sim);
   return r;
 }
@@ -51,6 +53,7 @@ static inline int has_same_bits(const double *a, const double *b, int32_t n) {
 static inline const char *compare_with_run(msim_sim *sim, const run *r) {
   msim_state s = {.size = sizeof s};
   msim_energy e = {.size = sizeof e};
+  msim_stats stats = {.size = sizeof stats};
   if (msim_sim_state(sim, &s)) return "no state";
   if (s.step != r->expected.step || s.t != r->expected.t || s.h != r->expected.h)
     return "another step";
@@ -58,6 +61,7 @@ static inline const char *compare_with_run(msim_sim *sim, const run *r) {
   if (!has_same_bits(s.v, r->expected.v, s.n)) return "another v";
   if (!has_same_bits(s.v_half, r->expected.v_half, s.n)) return "another v_half";
   if (msim_sim_energy(sim, &e)) return "no energy";
+  if (msim_sim_stats(sim, &stats) || stats.broken != r->broken) return "other broken springs";
   if (e.total != r->energy.total) return "another energy";
   return fabs(e.work - r->energy.work) <= 1e-12 * (fabs(e.work) + fabs(e.total)) ? NULL
                                                                                  : "another work";

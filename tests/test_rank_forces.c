@@ -3,7 +3,7 @@
 #include "angle_scenes.h"
 #include "laws.h"
 #include "moving_colliders.h"
-#include "rank_runs.h"
+#include "rank_implicit.h"
 
 static void laws_of_springs(void **state) {
   (void)state;
@@ -87,6 +87,52 @@ static void one_damped_spring(void **state) {
   msim_scene_destroy(rope);
 }
 
+/* A cloth with laws of all kinds, whose springs break at different strains, those between ranks as
+ * well; dampers are lost with them */
+static msim_scene *breaking_cloth(int32_t side, double damping) {
+  msim_scene *scene = hanging_cloth(side, 300, damping);
+  msim_scene_view w = {.size = sizeof w};
+  int32_t index[1 + LAW_KINDS];
+  for (int i = 0; i <= LAW_KINDS; i++) {
+    msim_law law = i ? make_law(i - 1) : (msim_law){.size = sizeof law, .kind = MSIM_LAW_LINEAR};
+    law.break_strain = 0.01 * (1 + i % 3);
+    assert_ok(msim_scene_add_law(scene, &law, &index[i], err));
+  }
+  msim_scene_get(scene, &w);
+  for (int32_t e = 0; e < w.nsprings; e++)
+    if (e % 4 != 3)
+      assert_ok(msim_scene_set_law(scene, 1, &e, index[e % 7 ? 0 : e / 7 % (1 + LAW_KINDS)], err));
+  return scene;
+}
+
+static int64_t count_broken(const msim_scene *scene, msim_options opt, int32_t steps) {
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, steps, err));
+  const int64_t n = stats_of(sim).broken;
+  msim_sim_destroy(sim);
+  return n;
+}
+
+static void springs_that_break(void **state) {
+  (void)state;
+  const char *methods[] = {"velocity-verlet", "rk4", "dop853", "verlet", "rkc"};
+  msim_scene *cloth = breaking_cloth(15, 0.01);
+  for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
+    const msim_options opt = options(methods[i], 5e-4);
+    assert_in_range(count_broken(cloth, opt, 120), 20, 400);
+    check_run("breaking cloth", cloth, opt, 120, 4);
+  }
+  const msim_options midpoint = options("implicit-midpoint", 2e-3);
+  assert_in_range(count_broken(cloth, midpoint, 30), 20, 400);
+  check_implicit("breaking cloth", cloth, midpoint, 30, 1.25);
+  msim_scene_destroy(cloth);
+  const double k = 10, rest = 0.1, damping = 0.05; /* of the only damper, which does not break */
+  cloth = breaking_cloth(15, 0);
+  assert_ok(msim_scene_add_springs(cloth, 1, (int32_t[]){16, 18}, &k, &rest, &damping, err));
+  check_run("one damper", cloth, options("velocity-verlet", 5e-4), 120, 4);
+  msim_scene_destroy(cloth);
+}
+
 static void moving_pins(void **state) {
   (void)state;
   const int32_t corners[2] = {0, 14};
@@ -147,9 +193,10 @@ static void moving_collider(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(laws_of_springs), cmocka_unit_test(angular_springs),
-      cmocka_unit_test(force_functions), cmocka_unit_test(one_damped_spring),
-      cmocka_unit_test(moving_pins),     cmocka_unit_test(moving_collider),
+      cmocka_unit_test(laws_of_springs),    cmocka_unit_test(angular_springs),
+      cmocka_unit_test(force_functions),    cmocka_unit_test(one_damped_spring),
+      cmocka_unit_test(springs_that_break), cmocka_unit_test(moving_pins),
+      cmocka_unit_test(moving_collider),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

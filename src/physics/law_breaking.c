@@ -226,9 +226,10 @@ double ms_law_breaking_mark(const ms_model *model, const double *x, uint8_t *bro
     if (!ms_law_breaks(run->law)) continue;
     evaluate_springs(model, run, x, 0, &at);
     for (int32_t e = 0; e < run->end - run->begin; e++) {
+      const int32_t ends[2] = {s->i[run->begin + e], s->j[run->begin + e]};
       if (!breaks(s, run, &at.at, e)) continue;
-      broken[model->springs.spring[s->spring[run->begin + e]]] = MS_BROKEN;
-      below += fmax(0, -at.at.energy[e]);
+      broken[model->springs.spring[s->spring[run->begin + e]]] = MS_BREAKING;
+      below += ms_unknowns_own_share(&model->unknowns, 2, ends) * fmax(0, -at.at.energy[e]);
     }
   }
   return below;

@@ -14,9 +14,10 @@
 /* A length (m) up to which a spring of this law does not break; below 0: none is known. */
 double ms_law_breaking_limit(const ms_law *law, double k, double rest);
 
-/* The number of springs that exceed a threshold of their law at x, and are not broken yet. `mark`
- * writes MS_BROKEN for these to broken[], the flags of the scene's springs, and returns the sum of
- * their energies below that at rest, J. */
+/* The number of springs that exceed a threshold of their law at x, and are not broken yet; ghosts
+ * of x must be current (halo.h). `mark` writes MS_BREAKING for these to broken[], the flags of the
+ * scene's springs, and returns the sum of their energies below that at rest, J, on several ranks
+ * this rank's share. */
 int32_t ms_law_breaking_count(const ms_model *model, const double *x);
 double ms_law_breaking_mark(const ms_model *model, const double *x, uint8_t *broken);
 

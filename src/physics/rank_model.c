@@ -46,11 +46,11 @@ double ms_rank_model_foreign_energy(const ms_model *model, const double *x) {
 /*------------------------------------- connect --------------------------------------------------*/
 
 /* Each loop of a sweep is the same on all ranks, as in one process. */
-static void share_features(ms_model *model, ms_ranks *ranks) {
+void ms_rank_model_share_features(ms_model *model) {
   enum { BITS = 10 };
   double bit[BITS];
   for (int i = 0; i < BITS; i++) bit[i] = model->features >> i & 1;
-  ms_ranks_maximum(ranks, BITS, bit);
+  ms_ranks_maximum(model->shape.ranks, BITS, bit);
   for (int i = 0; i < BITS; i++) model->features |= (bit[i] > 0 ? 1u : 0u) << i;
 }
 
@@ -62,8 +62,8 @@ msim_status ms_rank_model_connect(ms_model *model, const ms_rank_part *part, msi
   msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the springs between ranks");
   status = ms_ranks_agree(part->ranks, status, err);
   if (!status) status = ms_halo_create(s, &model->unknowns, part, &m->halo, err);
-  if (!status) share_features(model, part->ranks);
   model->shape.ranks = part->ranks;
+  if (!status) ms_rank_model_share_features(model);
   return status;
 }
 

@@ -18,6 +18,8 @@ struct ms_rank_model {
 /* Connect the model with those of the other ranks, which get the same features; collective. After
  * an error it may be there, and ms_model_destroy destroys it. */
 msim_status ms_rank_model_connect(ms_model *model, const ms_rank_part *part, msim_error *err);
+/* After features were found anew; collective. */
+void ms_rank_model_share_features(ms_model *model);
 void ms_rank_model_destroy(const ms_scene *scene, struct ms_rank_model *m);
 
 /* The ghosts of x, and of v if it is not NULL, become what their owners have; collective. */

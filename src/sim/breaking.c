@@ -4,6 +4,7 @@
 #include "contact/contact_set.h"
 #include "methods/methods.h"
 #include "physics/law_breaking.h"
+#include "physics/rank_model.h"
 #include "sim/step_driver.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -42,6 +43,7 @@ static void restart_island(msim_sim *sim, ms_island_sim *m, const double *v) {
   ms_stepper *s = &m->stepper;
   if (method->sync) ms_unknowns_gather(&m->model.unknowns, v, s->v);
   ms_model_update_springs(&m->model, sim->config.opt.skip_off);
+  ms_rank_model_share_features(&m->model);
   ms_stepper_set_bounds(method, s);
   if (s->solver) ms_solver_update_springs(s->solver);
   s->cached_stage = 0;
@@ -89,24 +91,50 @@ void ms_breaking_break(msim_sim *sim, int32_t n, const int32_t *springs) {
 
 /*------------------------------------- after a step ---------------------------------------------*/
 
-static int64_t count_breaking(const msim_sim *sim) {
-  int64_t n = 0;
-  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-    if (m->model.laws && !m->at_rest) n += ms_law_breaking_count(&m->model, m->stepper.x);
-  return n;
+static int may_break(const ms_island_sim *m) { return m->model.laws && !m->at_rest; }
+
+/* 1: springs break, on any rank. */
+static int finds_breaking_springs(const msim_sim *sim) {
+  double n = 0;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    ms_rank_model_refresh(&m->model, m->stepper.x, NULL);
+    if (may_break(m)) n += ms_law_breaking_count(&m->model, m->stepper.x);
+  }
+  ms_ranks_maximum(sim->ranks, 1, &n);
+  return n > 0;
+}
+
+/* Break the springs that some rank has marked; returns their number. Up to two ranks mark a spring:
+ * their marks are added up as digits of base 4, 24 in a number. */
+static int64_t break_marked_springs(ms_scene *s, ms_ranks *ranks) {
+  enum { DIGITS = 24, NUMBERS = 64 };
+  int64_t broken = 0;
+  for (int64_t first = 0; first < s->nsprings; first += DIGITS * NUMBERS) {
+    double marks[NUMBERS] = {0};
+    const int64_t left = s->nsprings - first, n = left < DIGITS * NUMBERS ? left : DIGITS * NUMBERS;
+    uint8_t *at = s->broken + first;
+    for (int64_t e = 0; e < n; e++)
+      if (at[e] == MS_BREAKING) marks[e / DIGITS] += (double)(UINT64_C(1) << 2 * (e % DIGITS));
+    ms_ranks_sum(ranks, NUMBERS, marks);
+    for (int64_t e = 0; e < n && !(ranks && ranks->failed); e++)
+      if ((uint64_t)marks[e / DIGITS] >> 2 * (e % DIGITS) & 3) at[e] = MS_BROKEN, broken++;
+  }
+  return broken;
 }
 
 /* An energy that is lost is dissipated; one below that at rest, which the scene gains, is work. */
 msim_status ms_breaking_follow(msim_sim *sim, msim_error *err) {
-  if (!sim->scene->broken) return MSIM_OK;
-  const int64_t n = count_breaking(sim);
-  const msim_status status = n ? ms_energy_monitor_check(sim, err) : MSIM_OK;
-  if (status || n == 0) return status;
+  if (!sim->scene->broken || !finds_breaking_springs(sim)) return MSIM_OK;
+  const msim_status status = ms_energy_monitor_check(sim, err);
+  if (status) return status;
   const msim_state now = finish_last_step(sim);
-  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-    if (m->model.laws && !m->at_rest)
-      sim->run.work += ms_law_breaking_mark(&m->model, m->stepper.x, sim->scene->broken);
-  sim->stats.broken += n;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    double work =
+        may_break(m) ? ms_law_breaking_mark(&m->model, m->stepper.x, sim->scene->broken) : 0;
+    ms_ranks_sum(sim->ranks, 1, &work);
+    sim->run.work += work;
+  }
+  sim->stats.broken += break_marked_springs(sim->scene, sim->ranks);
   restart(sim, &now);
   return MSIM_OK;
 }

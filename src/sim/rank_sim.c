@@ -6,7 +6,6 @@
 #include "base/comm_plugin.h"
 #include "base/isa.h"
 #include "linear/backends.h"
-#include "scene/laws.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -59,8 +58,6 @@ static refusal find_refused_option(const msim_sim *sim) {
   if (opt->collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene))
     return (refusal){"collision = event", "use collision = reflect"};
   if (opt->contacts != MSIM_CONTACTS_OFF) return (refusal){"contacts = on", "use contacts = off"};
-  if (ms_scene_breaks(sim->scene))
-    return (refusal){"springs that break", "use laws without break_strain and break_force"};
   if (sim->config.integrator->entry.implicit) return find_refused_system(sim);
   return (refusal){NULL, NULL};
 }
