@@ -102,8 +102,9 @@ static void step_doubling(void **state) {
  * norm, on all ranks. */
 static void several_bodies(void **state) {
   (void)state;
-  const double ball[6] = {0.2, 0.5, 3, 0.8, 0.5, 3}, mass[2] = {1, 2}, force[3 * 243] = {0, 0, 0.1},
-               k = 5;
+  enum { BALLS = 12 };
+  const double mass = 0.5, k = 5;
+  double force[3 * (81 + 160 + BALLS)] = {[3 * 40 + 2] = 0.5, [3 * 245] = 3};
   msim_scene *scene = hanging_cloth(9, 400, 0);
   for (int i = 0; i < 2; i++) {
     const msim_rope rope = {.size = sizeof rope,
@@ -114,7 +115,8 @@ static void several_bodies(void **state) {
                             .k = i ? 40 : 900};
     assert_ok(msim_scene_add_rope(scene, &rope, err));
   }
-  assert_ok(msim_scene_add_particles(scene, 2, ball, NULL, mass, err));
+  for (int i = 0; i < BALLS; i++)
+    assert_ok(msim_scene_add_particles(scene, 1, (double[3]){0.1 * i, 0.5, 3}, NULL, &mass, err));
   assert_ok(msim_scene_add_springs(scene, 1, (int32_t[]){0, 100}, &k, NULL, NULL, err));
   assert_ok(msim_scene_set_forces(scene, force, err));
   check_control("bodies", scene, controlled("dop853", 1e-7, 0.1));

@@ -1,6 +1,7 @@
 /* Tests of linearly implicit Euler on several ranks: the velocities of one process to the tolerance
  * of the solver, and the same bits in each run. */
 #include "angle_scenes.h"
+#include "base/ranks.h"
 #include "laws.h"
 #include "linear/rank_modes.h"
 #include "rank_implicit.h"
@@ -100,11 +101,13 @@ typedef struct counting_comm {
   msim_comm table;
   const msim_comm *of;
   int64_t sums, maxima, gathers, exchanges;
+  int32_t most; /* numbers in a sum */
 } counting_comm;
 
 static msim_status count_sum(void *self, int32_t n, double *values) {
   counting_comm *c = self;
   c->sums++;
+  if (n > c->most) c->most = n;
   return c->of->sum(c->of->self, n, values);
 }
 
@@ -216,6 +219,30 @@ static void three_calls_an_iteration(void **state) {
   msim_scene_destroy(cloth);
 }
 
+static const char *check_long_sum(msim_comm *comm, void *data) {
+  counting_comm c = count_calls(comm);
+  msim_error why = {0};
+  double values[200];
+  const msim_allocator alloc = ms_memory_allocator(NULL);
+  (void)data;
+  c.table.self = &c;
+  ms_ranks *ranks = ms_ranks_create(&c.table, &alloc);
+  EXPECT(ranks);
+  for (int i = 0; i < 200; i++) values[i] = i * (1 + comm->rank);
+  ms_ranks_sum(ranks, 200, values);
+  for (int i = 0; i < 200; i++) EXPECT(values[i] == 6 * i);
+  EXPECT(c.sums == 4 && c.most == 64);
+  ms_ranks_destroy(&alloc, ranks);
+  return NULL;
+}
+
+/* No call of a communicator sums more than 64 numbers. */
+static void long_sums_are_made_in_pieces(void **state) {
+  (void)state;
+  const char *wrong = run_ranks(3, check_long_sum, NULL);
+  if (wrong) fail_msg("%s", wrong);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(regular_and_shuffled_meshes),
@@ -224,6 +251,7 @@ int main(void) {
       cmocka_unit_test(dependent_modes),
       cmocka_unit_test(scalar_matrices),
       cmocka_unit_test(three_calls_an_iteration),
+      cmocka_unit_test(long_sums_are_made_in_pieces),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -73,8 +73,8 @@ struct msim_comm {
   int32_t rank;     /* of this table, 0 <= rank < nranks */
   void *self;       /* first argument of all functions */
 
-  /* values[i] = the sum of values[i] over all ranks, in a fixed order; n is small, mostly 1 to 4,
-   * and equal on all ranks. */
+  /* values[i] = the sum of values[i] over all ranks, in a fixed order; n is at most 64, mostly 1 to
+   * 4, and equal on all ranks. */
   msim_status (*sum)(void *self, int32_t n, double *values);
 
   /* values[i] = the maximum over all ranks; NaN if one of them is NaN. */
