@@ -1,7 +1,10 @@
 /* Tests of backends of systems that several ranks share: rows, columns and numbers of ghosts. The
  * backend here gathers the whole matrix on every rank and solves with it by elimination, which
  * fails or gives other velocities than one process if any of them is wrong. */
+#include <stdatomic.h>
+
 #include "angle_scenes.h"
+#include "counting_allocator.h"
 #include "laws.h"
 #include "msim/backend.h"
 #include "rank_runs.h"
@@ -185,10 +188,54 @@ static void other_backends_are_refused(void **state) {
   if (wrong) fail_msg("%s", wrong);
 }
 
+/* Rank 1 has a scene of its own, whose allocation `fail_at` fails. */
+typedef struct memory_case {
+  int64_t fail_at;
+  atomic_int succeeded;
+} memory_case;
+
+static const char *check_memory(msim_comm *comm, void *data) {
+  memory_case *c = data;
+  counting_allocator count = {.fail_at = -1};
+  msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free, &count};
+  const double x[12] = {0, 0, 0, 1, 0, 0, 2, 0, 1, 3, 0, 0}, mass[4] = {1, 1, 1, 1},
+               k[3] = {9, 9, 9};
+  const int32_t ij[6] = {0, 1, 1, 2, 2, 3};
+  msim_options opt = options("linearly-implicit-euler", 1e-3);
+  msim_scene *scene = NULL;
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  EXPECT(!msim_scene_create(&alloc, &scene, NULL) &&
+         !msim_scene_add_particles(scene, 4, x, NULL, mass, NULL) &&
+         !msim_scene_add_springs(scene, 3, ij, k, NULL, NULL, NULL));
+  opt.comm = comm, opt.threads = 1, opt.solver = "gathering", opt.backends = backends;
+  if (comm->rank == 1) count.fail_at = count.calls + c->fail_at;
+  const msim_status status = msim_sim_create(scene, &opt, &sim, &why);
+  count.fail_at = -1;
+  EXPECT(status == MSIM_OK || (status == MSIM_ERR_MEMORY && !sim));
+  if (!status) EXPECT(msim_sim_step(sim, 2, &why) == MSIM_OK);
+  if (!status && comm->rank == 0) c->succeeded = 1;
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  EXPECT(count.live == 0);
+  return NULL;
+}
+
+static void each_allocation_that_fails_is_a_failure_on_all_ranks(void **state) {
+  (void)state;
+  memory_case c = {.fail_at = 0};
+  for (; !c.succeeded; c.fail_at++) {
+    const char *wrong = run_ranks(2, check_memory, &c);
+    if (wrong) fail_msg("allocation %d: %s", (int)c.fail_at, wrong);
+  }
+  assert_true(c.fail_at > 60);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(velocities_are_those_of_one_process),
       cmocka_unit_test(other_backends_are_refused),
+      cmocka_unit_test(each_allocation_that_fails_is_a_failure_on_all_ranks),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
