@@ -251,11 +251,11 @@ static void last_good_state(void **state) {
 typedef struct continued_run {
   saved_run s;
   msim_state first;
+  double tolerance; /* of velocities, per step, relative to the largest one */
 } continued_run;
 
 static const char *continue_implicit(msim_comm *comm, void *data) {
   continued_run *c = data;
-  const double RTOL = 1e-8;
   msim_options opt = c->s.r.opt;
   msim_error why = {0};
   opt.comm = comm;
@@ -278,17 +278,15 @@ static const char *continue_implicit(msim_comm *comm, void *data) {
         most = fmax(most, fabs(c->s.r.expected.v[i]));
         off = fmax(off, fabs(s.v[i] - c->s.r.expected.v[i]));
       }
-      EXPECT(off <= 10 * RTOL * (double)s.step * most);
+      EXPECT(off <= c->tolerance * (double)s.step * most);
     }
     msim_sim_destroy(sim);
   }
   return NULL;
 }
 
-static void check_implicit(const msim_scene *scene, double h, const char *solver) {
+static void check_continuations(const msim_scene *scene, msim_options opt, double tolerance) {
   enum { STEPS = 7, HALF = 4 };
-  msim_options opt = options("linearly-implicit-euler", h);
-  opt.solver = solver;
   saved_run alone = save_alone(scene, opt, STEPS, HALF);
   for (int32_t n = 1; n <= 3; n++) {
     saved_run s = alone;
@@ -297,16 +295,39 @@ static void check_implicit(const msim_scene *scene, double h, const char *solver
     if (wrong) fail_msg("saved by %d ranks: %s", n, wrong);
     assert_true(s.size >= alone.size);
     for (int32_t m = 1; m <= 3; m++) {
-      continued_run c = {.s = s};
+      continued_run c = {.s = s, .tolerance = tolerance};
       c.s.r.expected = alone.r.expected;
       wrong = run_ranks(m, continue_implicit, &c);
-      if (wrong) fail_msg("%s, %d to %d ranks: %s", solver, n, m, wrong);
+      if (wrong) fail_msg("%s, %s, %d to %d ranks: %s", opt.integrator, opt.solver, n, m, wrong);
       free((void *)(uintptr_t)c.first.x), free((void *)(uintptr_t)c.first.v);
     }
     if (n > 1) free(s.bytes);
   }
   free(alone.bytes);
   free_run(&alone.r);
+}
+
+static void check_implicit(const msim_scene *scene, double h, const char *solver) {
+  const double RTOL = 1e-8;
+  msim_options opt = options("linearly-implicit-euler", h);
+  opt.solver = solver, opt.solver_rtol = RTOL;
+  check_continuations(scene, opt, 10 * RTOL);
+}
+
+/* Newton's method and error control, whose sums are those of all ranks */
+static void nonlinear_and_controlled_steps(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(15, 2e3, 0.01), *undamped = hanging_cloth(15, 2e3, 0);
+  const char *const implicit[] = {"implicit-midpoint", "bdf2", "tr-bdf2"};
+  for (int i = 0; i < 3; i++) check_continuations(cloth, options(implicit[i], 5e-3), 1e-7);
+  const char *const controlled[] = {"dop853", "rk4", "bdf2"};
+  for (int i = 0; i < 3; i++) {
+    msim_options opt = options(controlled[i], 1e-3);
+    opt.tol = 1e-5, opt.steps = -1, opt.t_end = 0.5;
+    check_continuations(undamped, opt, 1e-7);
+  }
+  msim_scene_destroy(cloth);
+  msim_scene_destroy(undamped);
 }
 
 /* 1: coarse factors of the preconditioner serve several steps. */
@@ -431,6 +452,7 @@ int main(void) {
       cmocka_unit_test(planar_scenes_and_moving_pins),
       cmocka_unit_test(last_good_state),
       cmocka_unit_test(implicit_steps),
+      cmocka_unit_test(nonlinear_and_controlled_steps),
       cmocka_unit_test(what_ranks_refuse),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

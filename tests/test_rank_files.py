@@ -36,8 +36,8 @@ CLOTH = {
     "planes": [{"normal": [0, 0, 1], "offset": -0.3, "restitution": 0.5, "friction": 0.2}],
 }
 PARTICLES = 480
-EXPLICIT = "--integrator velocity-verlet --h 5e-4 --steps 2000 --every 100"
-IMPLICIT = "--integrator linearly-implicit-euler --h 4e-3 --steps 100 --every 5"
+EXPLICIT = "--integrator velocity-verlet --h 5e-4 --steps 1000 --every 50"
+IMPLICIT = "--integrator linearly-implicit-euler --h 1e-3 --steps 60 --every 3"
 
 
 class RankFiles(CliTest):
@@ -55,8 +55,9 @@ class RankFiles(CliTest):
                 *more]
 
     def record(self, n, options, file, *more):
-        status, _, err = self.cli(*self.command(n, options, file, *more))
-        self.assertEqual(status, 0, err)
+        with self.start(*self.command(n, options, file, *more)) as process:
+            _, err = process.communicate(timeout=300)  # long where other programs share the cores
+        self.assertEqual(process.returncode, 0, err)
 
     def read(self, file):
         return (self.folder / file).read_bytes()
@@ -97,7 +98,7 @@ class RankFiles(CliTest):
             killed = time.monotonic()
             if ranks:
                 os.kill(chance.choice(ranks), signal.SIGKILL)
-            _, err = process.communicate(timeout=60)
+            _, err = process.communicate(timeout=300)
         if ranks and process.returncode != 0:
             self.assertLess(time.monotonic() - killed, 5)
         elif not ranks:
@@ -144,7 +145,7 @@ class Files(RankFiles):
         self.record(2, EXPLICIT + " --steps 200", "out.vtkhdf")
         before = self.read("out.vtkhdf")
         for options, word in ((EXPLICIT + " --steps 200 --skip.planes off", "skip.planes"),
-                              (EXPLICIT + " --steps 900", "created for 3 frames")):
+                              (EXPLICIT + " --steps 900", "created for 5 frames")):
             status, _, err = self.cli(*self.command(2, options, "out.vtkhdf", "--resume"))
             self.assertEqual(status, 1)
             self.assertEqual(err.count("msim_cli: "), 1, err)
@@ -192,7 +193,6 @@ class Kills(RankFiles):
         self.record(2, IMPLICIT, "whole.vtkhdf")
         with self.start(*self.command(2, IMPLICIT, "out.vtkhdf")) as process:
             self.wait_for("out.vtkhdf")
-            time.sleep(0.3)
             os.kill(self.ranks_of(process)[1], signal.SIGKILL)
             process.communicate(timeout=30)
         frames = self.check_file("out.vtkhdf")

@@ -241,8 +241,7 @@ static msim_status solve_once(contact_solve *j, const ms_integrator *by, double 
   j->e->draft_rtol = 0, j->e->guess = NULL;
   j->has_solution = !status;
   if (status) return status;
-  if (s->contact_log || (!by->nonlinear && s->opt->collision == MSIM_COLLISION_REFLECT))
-    ms_implicit_impulses_keep(s, j->v_start, !by->nonlinear);
+  ms_implicit_impulses_keep(s, j->v_start, !by->nonlinear);
   ms_contact_set_place(s);
   find_reactions(j, !by->nonlinear);
   return MSIM_OK;
@@ -357,12 +356,7 @@ static msim_status make_reflected_step(contact_solve *j, msim_error *err) {
   const msim_status status = solve_twice(j, err);
   if (status) return status;
   ms_solid_contact_finish(s, 0);
-  for (int32_t i = 0; i < j->e->ncontacts; i++) {
-    const ms_contact *c = &j->e->contact[i];
-    double J[3]; /* over mass */
-    ms_implicit_impulses_find(s, i, J);
-    s->work_in_step += s->model->mass[c->row] * ms_vec3_dot(J, c->frame.way) / s->h;
-  }
+  s->work_in_step += ms_implicit_impulses_find_work(s);
   ms_implicit_impulses_add(s);
   ms_stepper_reflect_remaining(s, s->contact_log);
   ms_step_energy_shorten(
@@ -380,8 +374,7 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
   const msim_status status = j->method->step(s, err);
   if (status) return status == MSIM_NOT_CONVERGED ? MSIM_OK : status;
   j->has_solution = 1;
-  if (s->contact_log && j->method->entry.order == 1)
-    ms_implicit_impulses_keep(s, j->v_start, !j->method->nonlinear);
+  if (j->method->entry.order == 1) ms_implicit_impulses_keep(s, j->v_start, !j->method->nonlinear);
   ms_contact_set_finish_substep(s);
   *settled = is_settled(j);
   if (!*settled) {
@@ -428,12 +421,10 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   s->stats->contacts = before + predicted;
   for (int32_t i = 0; i < e->ncontacts; i++) start_friction(&j, &e->contact[i]);
   if (j.has_solution) update_contacts(&j, 0);
+  const int reflects = !method->nonlinear && s->opt->collision == MSIM_COLLISION_REFLECT;
+  const msim_status status = reflects ? make_reflected_step(&j, err) : remake_step(&j, err);
   s->cached_stage_next = 0;
-  if (!method->nonlinear && s->opt->collision == MSIM_COLLISION_REFLECT)
-    return make_reflected_step(&j, err);
-  const msim_status status = remake_step(&j, err);
-  s->cached_stage_next = 0;
-  if (status) return status;
+  if (status || reflects) return status;
   s->work_in_step += ms_solid_contact_find_work(s, j.v_start);
   ms_implicit_impulses_add(s);
   return MSIM_OK;

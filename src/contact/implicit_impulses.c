@@ -28,6 +28,7 @@ static void find_linear_reaction(const ms_stepper *s, int32_t i, const double v[
 void ms_implicit_impulses_keep(ms_stepper *s, const double *v_start, int is_linear) {
   const ms_unknowns *rows = &s->model->unknowns;
   ms_contact_set *e = s->events;
+  if (!s->contact_log && !(is_linear && e->near.moves)) return;
   ms_vector_copy(s->model->shape, s->v_next, e->begin[0]);
   if (!is_linear) ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, e->a_end);
   for (int32_t i = 0; i < e->ncontacts; i++) {
@@ -41,24 +42,31 @@ void ms_implicit_impulses_keep(ms_stepper *s, const double *v_start, int is_line
   }
 }
 
-void ms_implicit_impulses_find(const ms_stepper *s, int32_t i, double J[3]) {
-  const ms_unknowns *rows = &s->model->unknowns;
-  const ms_contact *c = &s->events->contact[i];
-  double solved[3];
-  ms_unknowns_get(rows, s->v_next, c->row, J);
-  ms_unknowns_get(rows, s->events->begin[0], c->row, solved);
-  ms_vec3_axpy(-1, solved, J);
-  ms_vec3_axpy(1, c->impulse, J);
-}
-
 void ms_implicit_impulses_add(const ms_stepper *s) {
+  const ms_unknowns *rows = &s->model->unknowns;
   const ms_contact_set *e = s->events;
-  const double none[3] = {0};
   for (int32_t i = 0; i < e->ncontacts && s->contact_log; i++) {
     const ms_contact *c = &e->contact[i];
-    double x[3], J[3];
-    ms_unknowns_get(&s->model->unknowns, s->x_next, c->row, x);
-    ms_implicit_impulses_find(s, i, J);
-    ms_contact_impulses_add(s, c->row, &c->on, x, none, J);
+    double x[3], v[3], solved[3];
+    ms_unknowns_get(rows, s->x_next, c->row, x);
+    ms_unknowns_get(rows, s->v_next, c->row, v);
+    ms_unknowns_get(rows, e->begin[0], c->row, solved);
+    ms_vec3_axpy(1, c->impulse, v);
+    ms_contact_impulses_add(s, c->row, &c->on, x, solved, v);
   }
+}
+
+double ms_implicit_impulses_find_work(const ms_stepper *s) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  const ms_contact_set *e = s->events;
+  double sum = 0;
+  for (int32_t i = 0; i < e->ncontacts && e->near.moves; i++) {
+    const ms_contact *c = &e->contact[i];
+    double v[3], solved[3];
+    ms_unknowns_get(rows, s->v_next, c->row, v);
+    ms_unknowns_get(rows, e->begin[0], c->row, solved);
+    for (int k = 0; k < 3; k++)
+      sum += s->model->mass[c->row] * (c->impulse[k] + v[k] - solved[k]) * c->frame.way[k] / s->h;
+  }
+  return sum;
 }

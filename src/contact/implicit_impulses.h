@@ -14,14 +14,15 @@
  * cancelled, and of a linear step what the weights of the matrix add. */
 void ms_implicit_impulses_find_reaction(const ms_stepper *s, int32_t i, int is_linear, double a[3]);
 
-/* Keeps v and J/m but for its last part of the solve just made. */
+/* Keeps v and J/m but for its last part of the solve just made, where contacts are recorded, and in
+ * linear steps also where solids move. */
 void ms_implicit_impulses_keep(ms_stepper *s, const double *v_start, int is_linear);
-
-/* J/m of contact i in the solve that was kept last, with what its particle was corrected by since */
-void ms_implicit_impulses_find(const ms_stepper *s, int32_t i, double J[3]);
 
 /* Adds the impulses of the last solve, with what particles were corrected by since, to the contact
  * log. */
 void ms_implicit_impulses_add(const ms_stepper *s);
+
+/* The work of moving solids by these impulses of a linear step, along their mean velocity, J */
+double ms_implicit_impulses_find_work(const ms_stepper *s);
 
 #endif

@@ -50,7 +50,7 @@ static msim_status create_islands(const msim_sim *sim, ms_whole_order *order, ms
   return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
 }
 
-/* They are the same each time, as ranks share one scene. */
+/* They follow from the scene and the part. */
 static void keep_whole_islands(msim_sim *sim, ms_whole_order *order) {
   const ms_whole_islands before = sim->part->whole;
   sim->part->whole = order->islands, order->islands = before;
