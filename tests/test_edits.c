@@ -2,7 +2,6 @@
  * and of running sims against new sims in the same state, for every method; islands that stay, and
  * energy less work. */
 #include "edits.h"
-#include "force_functions.h"
 #include "sim/sim.h"
 #include "state_hash.h"
 
@@ -137,6 +136,12 @@ static void edits_continue_as_new_sims(void **state) {
 
 /*------------------------------------- energy ---------------------------------------------------*/
 
+static double energy_less_work(msim_sim *sim) {
+  msim_energy e = {.size = sizeof e};
+  assert_int_equal(msim_sim_energy(sim, &e), MSIM_OK);
+  return e.total - e.work;
+}
+
 static void energy_is_balanced(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 50, 0);
@@ -164,12 +169,18 @@ static void energy_is_balanced(void **state) {
 /*------------------------------------- islands --------------------------------------------------*/
 
 enum { BODY = 24 * 24, BODIES = 5 };
+enum { NOTHING, BENDING, MOTIONS, FUNCTION, EXTRAS }; /* what islands have beside springs */
 
-/* What the islands have beside springs */
-enum { NOTHING, BENDING, MOTIONS, FUNCTION, EXTRAS };
+/* Forces by the numbers of particles, which edits change */
+static int32_t push_by_number(void *data, const msim_force_batch *b) {
+  (void)data;
+  for (int32_t i = 0; i < b->n; i++) b->f[3 * i] = 1e-3 * (b->particles[i] % 7);
+  return 0;
+}
 
 static msim_scene *five_cloths(int extra) {
-  static field wind;
+  const msim_force_function push = {
+      .size = sizeof push, .name = "push", .evaluate = push_by_number};
   const double g[3] = {0, 0, -9.81};
   msim_scene *scene;
   assert_ok(msim_scene_create(NULL, &scene, err));
@@ -188,12 +199,11 @@ static msim_scene *five_cloths(int extra) {
                               .npinned = 2,
                               .pinned = corners,
                               .bending = extra == BENDING ? 0.01 : 0};
-    const int32_t corner = i * BODY;
+    const int32_t moved[2] = {3 * BODY, i * BODY}; /* the last two cloths share a motion */
     assert_ok(msim_scene_add_cloth(scene, &cloth, err));
-    if (extra == MOTIONS) add_motion(scene, 1, &corner);
+    if (extra == MOTIONS && i != 3) add_motion(scene, i < 4 ? 1 : 2, moved + (i < 4));
   }
-  wind = gusts;
-  if (extra == FUNCTION) set_field(scene, &wind, flags_for("rk4"));
+  if (extra == FUNCTION) assert_ok(msim_scene_set_force_function(scene, &push, err));
   assert_ok(msim_scene_set_gravity(scene, g, err));
   return scene;
 }
@@ -397,6 +407,35 @@ static void angular_springs_are_added(void **state) {
     }
 }
 
+/* An angular spring goes with a pinned particle, to which no spring leads, and another one comes:
+ * as many as before, with the same free particles. Then there is one more; then there is none. */
+static void angular_springs_are_exchanged(void **state) {
+  (void)state;
+  const double x[15] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 2, 0, 1, 0, 2, 1}, mass[5] = {1, 1, 1, 1, 1};
+  const double k[2] = {0.5, 0.5}, rest[2] = {1, 2}, other = 1.5;
+  const int32_t ij[4] = {0, 1, 1, 2}, ijk[6] = {0, 1, 3, 1, 2, 4}, pins[2] = {3, 4},
+                to[3] = {0, 1, 4}, more[3] = {0, 2, 3};
+  msim_edit edit = {.size = sizeof edit, .nremoved_particles = 1, .removed_particles = pins};
+  edit.nangles = 1, edit.ijk = to, edit.angle_k = k, edit.angle_rest = &other;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 5, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 2, ij, (double[]){9, 9}, NULL, NULL, err));
+  assert_ok(msim_scene_add_angles(scene, 2, ijk, k, rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 2, pins, err));
+  const msim_options opt = options("implicit-midpoint", 1e-2);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 5, err));
+  expect_edited(scene, sim, &opt, &edit);
+  assert_true(view_of(scene).angle_rest[0] == rest[1] && view_of(scene).angle_rest[1] == other);
+  edit.nremoved_particles = 0, edit.ijk = more;
+  expect_edited(scene, sim, &opt, &edit);
+  edit.nremoved_particles = 1, edit.nangles = 0;
+  expect_edited(scene, sim, &opt, &edit);
+  assert_int_equal(view_of(scene).nangles, 0);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 /* A bend of 120 degrees that the run has made, not the scene */
 static void present_angles_are_rest_angles(void **state) {
   (void)state;
@@ -455,6 +494,7 @@ int main(void) {
                                      cmocka_unit_test(islands_are_split),
                                      cmocka_unit_test(angular_springs_go_with_their_particles),
                                      cmocka_unit_test(angular_springs_are_added),
+                                     cmocka_unit_test(angular_springs_are_exchanged),
                                      cmocka_unit_test(present_angles_are_rest_angles)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
