@@ -2,8 +2,8 @@
  * factorizations belong to a set of constrained unknowns. */
 #include "checkpoints.h"
 
-/* An elastic cube at that height above a plane of that slope and friction, under gravity */
-static msim_scene *jelly(double height, double slope, double friction) {
+/* An elastic cube at that height above a plane of that slope, under gravity */
+static msim_scene *jelly(double height, double slope, double restitution, double friction) {
   enum { SIDE = 6 };
   const msim_lattice lattice = {.size = sizeof lattice,
                                 .n = {SIDE, SIDE, SIDE},
@@ -15,7 +15,7 @@ static msim_scene *jelly(double height, double slope, double friction) {
   assert_ok(msim_scene_create(NULL, &scene, err));
   assert_ok(msim_scene_add_lattice(scene, &lattice, err));
   assert_ok(msim_scene_set_gravity(scene, (double[3]){0, 0, -9.81}, err));
-  plane(scene, slope, 0, 1, 0, 0, friction);
+  plane(scene, slope, 0, 1, 0, restitution, friction);
   return scene;
 }
 
@@ -35,7 +35,7 @@ static msim_stats expect_resumable_rest(const msim_scene *scene, const char *met
 static void coarse_factors(void **state) {
   (void)state;
   static const char *const methods[] = {"linearly-implicit-euler", "implicit-euler", "tr-bdf2"};
-  msim_scene *scene = jelly(0.001, 0.05, 0.04);
+  msim_scene *scene = jelly(0.001, 0.05, 0, 0.04);
   for (int m = 0; m < 3; m++) {
     const msim_stats s = expect_resumable_rest(scene, methods[m], "pcg", m == 1 ? 12 : 24);
     assert_true(s.coarse_factors > 0); /* otherwise nothing is tested */
@@ -47,7 +47,7 @@ static void coarse_factors(void **state) {
  * cholmod. */
 static void lagged_factors(void **state) {
   (void)state;
-  msim_scene *scene = jelly(0, 0, 1);
+  msim_scene *scene = jelly(0, 0, 0, 1);
   const char *const solver = is_solver_available("cholmod") ? "auto" : "pcg";
   const msim_stats s = expect_resumable_rest(scene, "linearly-implicit-euler", solver, 24);
   assert_true(s.kept_factors > 4 * s.coarse_factors); /* otherwise nothing is tested */
@@ -57,8 +57,24 @@ static void lagged_factors(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Beside a cube at rest a ball on soft springs bounces, in the steps 9, 22 and later: the coarse
+ * factor of the cube, made without it, serves all solves of these steps and those after them. */
+static void bouncing_particles_keep_the_coarse_factor(void **state) {
+  (void)state;
+  enum { CORNER = 5 * 36 + 5 * 6, BALL = 216 };
+  const double x[3] = {1.2, 1, 0.1}, mass = 0.01, k[2] = {1, 1}, rest[2] = {0.2, 0.4};
+  const int32_t ij[4] = {CORNER, BALL, CORNER - 6, BALL};
+  msim_scene *scene = jelly(0, 0, 0.8, 1);
+  assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+  assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
+  const msim_stats s = expect_resumable_rest(scene, "linearly-implicit-euler", "pcg", 24);
+  assert_true(s.contacts > 0 && s.solves > 24 && s.coarse_factors < 3);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_factors),
+                                     cmocka_unit_test(bouncing_particles_keep_the_coarse_factor),
                                      cmocka_unit_test(lagged_factors)};
   return cmocka_run_group_tests_name("checkpoint_resting_contact", tests, NULL, NULL);
 }

@@ -66,6 +66,7 @@ typedef struct ms_contact_set {
   int32_t *solid;      /* the same: index of the solid to which it is tangent */
   double *x, *v;
   const double *guess;     /* NULL, or that of the next linear solve */
+  int continues;           /* 1: the next linear solve is one more of the same step */
   double draft_rtol;       /* 0, or the least tolerance of the next linear solve */
   int32_t most_iterations; /* 0, or the most iterations of the next linear solve */
   double *a, *a_end;       /* F/m without reactions, at the start and at the end of the substep */

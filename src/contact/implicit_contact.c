@@ -234,11 +234,12 @@ static msim_status solve_once(contact_solve *j, const ms_integrator *by, double 
   prescribe_velocities(j);
   j->e->guess = NULL;
   if (j->has_solution && !by->nonlinear) make_guess(j);
+  j->e->continues = j->has_solution && !j->method->nonlinear;
   s->cached_stage = 0;
   s->dense_output = 0;
   j->e->draft_rtol = rtol;
   const msim_status status = by->step(s, err);
-  j->e->draft_rtol = 0, j->e->guess = NULL;
+  j->e->draft_rtol = 0, j->e->guess = NULL, j->e->continues = 0;
   j->has_solution = !status;
   if (status) return status;
   ms_implicit_impulses_keep(s, j->v_start, !by->nonlinear);

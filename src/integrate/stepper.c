@@ -21,6 +21,7 @@ void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec) {
   if (!ms_stepper_has_contacts(s) || !(s->model->features & MS_HAS_SPRINGS)) return;
   ms_contact_set_make_constraints(s, spec->h);
   spec->guess = s->events->guess;
+  spec->continues = s->events->continues;
   spec->rtol = fmax(spec->rtol, s->events->draft_rtol);
   spec->max_iterations = s->events->most_iterations;
   spec->constraint = s->events->constraint;

@@ -134,16 +134,24 @@ static void restrict_chunk(void *data, int32_t begin, int32_t end) {
   for (int32_t k = begin; k < end; k++) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
-void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *constraint, int32_t n) {
+static void clear_modes(ms_coarse *coarse, const ms_constraint *constraint, int32_t n) {
   float *weight = coarse->aggregates.weight;
-  const size_t size = MS_MODES * sizeof *weight;
-  if (coarse->nconstrained)
-    memcpy(weight, coarse->modes, size * (size_t)coarse->model->unknowns.first_pinned);
-  coarse->nconstrained = n;
-  for (int32_t i = 0; i < n; i++) {
-    coarse->constrained[i] = constraint[i].row;
-    memset(weight + MS_MODES * constraint[i].row, 0, size);
-  }
+  for (int32_t i = 0; i < n; i++)
+    memset(weight + MS_MODES * constraint[i].row, 0, MS_MODES * sizeof *weight);
+}
+
+void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *constraint, int32_t n) {
+  const size_t rows = (size_t)coarse->model->unknowns.first_pinned;
+  if (coarse->nconstrained || coarse->is_constrained_more)
+    memcpy(coarse->aggregates.weight, coarse->modes, MS_MODES * rows * sizeof *coarse->modes);
+  coarse->nconstrained = n, coarse->is_constrained_more = 0;
+  for (int32_t i = 0; i < n; i++) coarse->constrained[i] = constraint[i].row;
+  clear_modes(coarse, constraint, n);
+}
+
+void ms_coarse_constrain_more(ms_coarse *coarse, const ms_constraint *constraint, int32_t n) {
+  clear_modes(coarse, constraint, n);
+  coarse->is_constrained_more = 1;
 }
 
 int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *constraint,

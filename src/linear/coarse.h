@@ -21,6 +21,7 @@ typedef struct ms_coarse {
   float *modes;         /* unconstrained aggregates.weight; NULL where there are no planes */
   int32_t *constrained; /* nheld constrained unknowns; NULL where there are no planes */
   int32_t nconstrained;
+  int is_constrained_more; /* 1: by ms_coarse_constrain_more() */
   const struct ms_coarse_kernels *kernels;
 } ms_coarse;
 
@@ -31,6 +32,9 @@ void ms_coarse_destroy(ms_coarse *coarse);
 /* Set the modes of n constrained unknowns to 0, as these do not move, and restore those of the
  * unknowns constrained before. */
 void ms_coarse_constrain(ms_coarse *coarse, const ms_constraint *constraint, int32_t n);
+
+/* The same with an older factor, of other constraints: modes that are 0 in it stay so. */
+void ms_coarse_constrain_more(ms_coarse *coarse, const ms_constraint *constraint, int32_t n);
 
 /* 1: exactly these unknowns are constrained, in this order, whatever the directions. */
 int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *constraint,

@@ -9,7 +9,8 @@ typedef struct ms_linear_system {
   const ms_model *model;
   ms_coefficients a;                        /* A without the damping derivative: symmetric */
   ms_damping_derivative damping_derivative; /* v NULL: none, and A is symmetric */
-  int clamped; /* a is that of the clamped matrix: positive definite, up to rounding */
+  int clamped;   /* a is that of the clamped matrix: positive definite, up to rounding */
+  int continues; /* a is, but for its constraints, the matrix of the last solve */
 } ms_linear_system;
 
 /* y = A x, with the conventions of ms_coefficients_apply on padding */

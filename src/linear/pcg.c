@@ -116,7 +116,8 @@ static double relative_distance(const float *p, const float *q, size_t n) {
 /* 1 if the coarse factor can be reused: the matrix, judged by D^-1, has hardly changed. That is so
  * in solids, but not in moving cloth, where the iterations that a lagged factor adds cost more than
  * a new one. Each matrix of Newton's method takes few iterations, so that there a factor serves at
- * least SEVERAL matrices. Changed constraints require a new factor. */
+ * least SEVERAL matrices. Changed constraints require a new factor, but not within a step, where
+ * the modes of particles that join are set to 0, and those of particles that leave stay 0. */
 static int can_reuse_coarse_factor(ms_pcg *s, int32_t kind) {
   enum { SEVERAL = 8 };
   const double HARDLY = 0.05;
@@ -135,7 +136,13 @@ static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
   const ms_unknowns *rows = &system->model->unknowns;
   const size_t n = ms_coefficients_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
   s->coarse_age++;
+  if (system->continues && s->coarse_is_ready && s->factored_scale == s->jacobi.scale) {
+    ms_coarse_constrain_more(&s->coarse, system->a.constraint, system->a.nconstraints);
+    s->base.reused_coarse_factors++;
+    return MSIM_OK;
+  }
   if (can_reuse_coarse_factor(s, kind)) {
+    ms_coarse_constrain(&s->coarse, system->a.constraint, system->a.nconstraints);
     s->base.reused_coarse_factors++;
     return MSIM_OK;
   }

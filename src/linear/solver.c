@@ -137,12 +137,19 @@ static msim_status check_finite(ms_solver *s, ms_shape shape, const double *x) {
                         NULL);
 }
 
+/* 1: only the constraints differ from those of the last matrix. */
+static int continues_last_solve(const ms_solver *s, const ms_linear_system_spec *r) {
+  return r->continues && s->system.a.x && r->h == s->h &&
+         ms_vector_is_equal(s->system.model->shape, r->x, s->system.a.x);
+}
+
 static msim_status solver_assemble(ms_solver *s, const ms_linear_system_spec *r, int clamp) {
   double start = ms_clock_now();
   const ms_unknowns *rows = &s->system.model->unknowns;
   const ms_shape blocks = {
       .n = rows->nfree, .stride = rows->first_pinned, .dims = s->system.a.block};
   s->constant_h = 0;
+  s->system.continues = continues_last_solve(s, r) && clamp == s->system.clamped;
   ms_coefficients_compute(s->system.model, r->x, r->h, clamp, &s->system.a);
   ms_coefficients_add_constraints(s->system.model, r->constraint, r->nconstraints, &s->system.a);
   s->system.damping_derivative = (ms_damping_derivative){r->x, r->v, r->h};
@@ -152,13 +159,6 @@ static msim_status solver_assemble(ms_solver *s, const ms_linear_system_spec *r,
   s->stats->assemblies++;
   s->stats->assemble_s += ms_clock_now() - start;
   return status;
-}
-
-static void solver_expand(ms_solver *s, ms_linear *linear) {
-  if (!linear->ops->expand) return;
-  double start = ms_clock_now();
-  linear->ops->expand(linear);
-  s->stats->assemble_s += ms_clock_now() - start;
 }
 
 /* Record the linearization point of the present matrix; if no factor is kept, it has no memory. */
@@ -173,8 +173,10 @@ static void record_linearization_point(const ms_solver *s, int32_t kind,
 
 static msim_status solver_factor(ms_solver *s, ms_linear *linear, int32_t kind, msim_error *err) {
   if (!linear->ops->factor) return MSIM_OK;
-  solver_expand(s, linear);
-  double start = ms_clock_now();
+  const double begin = ms_clock_now();
+  if (linear->ops->expand) linear->ops->expand(linear);
+  const double start = ms_clock_now();
+  s->stats->assemble_s += start - begin;
   const int64_t made = linear->coarse_factors, kept = linear->reused_coarse_factors;
   msim_status status = linear->ops->factor(linear, kind, err);
   s->stats->factorizations += linear->factorises;
@@ -351,23 +353,19 @@ static void amortize_factor(ms_solver *s, int64_t iterations, int changed) {
 
 static msim_status handle_indefinite(ms_solver *s, const ms_linear_system_spec *r, const double *b,
                                      double *v, msim_error *err) {
-  msim_status status;
+  const int clamps = r->indefinite == MSIM_INDEFINITE_CLAMP;
   s->stats->indefinite_steps++;
-  switch (r->indefinite) {
-    case MSIM_INDEFINITE_SOLVE:
-      status = form_right_hand_side(s, r, &b);
-      return status ? status : factor_and_solve(s, MSIM_FACTOR_SYMMETRIC, b, v, err);
-    case MSIM_INDEFINITE_CLAMP:
-      status = solver_assemble(s, r, 1);
-      if (!status) status = form_right_hand_side(s, r, &b);
-      return status ? status : factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
-    default:
-      s->offender = ms_offender_find_compressed(s->system.model, &s->system.a);
-      return ms_error_set(err, MSIM_NOT_SPD,
-                          "the matrix M - h D - h^2 J is not positive definite: h = %g s is too "
-                          "long for the compressed springs; use a shorter h, or indefinite = clamp",
-                          r->h);
+  if (!clamps && r->indefinite != MSIM_INDEFINITE_SOLVE) {
+    s->offender = ms_offender_find_compressed(s->system.model, &s->system.a);
+    return ms_error_set(err, MSIM_NOT_SPD,
+                        "the matrix M - h D - h^2 J is not positive definite: h = %g s is too "
+                        "long for the compressed springs; use a shorter h, or indefinite = clamp",
+                        r->h);
   }
+  msim_status status = clamps ? solver_assemble(s, r, 1) : MSIM_OK;
+  if (!status) status = form_right_hand_side(s, r, &b);
+  const int32_t kind = clamps ? MSIM_FACTOR_SPD : MSIM_FACTOR_SYMMETRIC;
+  return status ? status : factor_and_solve(s, kind, b, v, err);
 }
 
 msim_status ms_solver_switch_to_cholmod(ms_solver *s, msim_error *err) {
@@ -427,7 +425,8 @@ static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, 
 
 static msim_status solve_variable(ms_solver *s, const ms_linear_system_spec *r, const double *b,
                                   double *v, msim_error *err) {
-  msim_status status = solver_assemble(s, r, r->clamp);
+  const int clamp = r->clamp || (s->system.clamped && continues_last_solve(s, r));
+  msim_status status = solver_assemble(s, r, clamp);
   if (!status) status = form_right_hand_side(s, r, &b);
   if (status) return status;
   if (r->v) return solve_unsymmetric(s, r->use_elimination, b, v, err);

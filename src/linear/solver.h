@@ -85,6 +85,8 @@ typedef struct ms_linear_system_spec {
                          b - (A - M) base, with the matrix that is finally used; NULL: b */
   const double *guess;    /* initial guess of the solution; NULL: 0. rtol stays relative to the
                           right-hand side, so that a better guess takes fewer iterations */
+  int continues; /* 1: the last matrix may serve, but for its constraints: it is tested whether x
+                          and h are the same. It stays clamped, and a coarse factor is kept. */
 } ms_linear_system_spec;
 
 /* v = A(x, h)^-1 b. v: the solution on output, undefined unless MSIM_OK; iterations start from 0.

@@ -63,23 +63,18 @@ void ms_particle_blocks_compute(const ms_model *model, double h, int clamp, doub
 
 double ms_particle_blocks_apply(const ms_model *model, const double *blocks, int without_mean,
                                 double by, const double *p, double *q) {
-  const size_t stride = (size_t)model->unknowns.first_pinned;
+  const size_t sd = (size_t)model->unknowns.first_pinned, stride = (size_t)model->unknowns.stride;
+  const double *xx = blocks, *yy = xx + sd, *zz = yy + sd, *xy = zz + sd, *xz = xy + sd,
+               *yz = xz + sd;
+  const double *x = p, *y = x + stride, *z = y + stride; /* such scenes have 3 components */
   double sum = 0;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
     const double mean = without_mean ? ms_particle_blocks_mean(model, blocks, r) : 0;
-    double own[3], to[3];
-    ms_unknowns_get(&model->unknowns, p, r, own);
-    ms_unknowns_get(&model->unknowns, q, r, to);
-    for (size_t a = 0; a < 3; a++) {
-      double add = -mean * own[a];
-      for (size_t b = 0; b < 3; b++)
-        add += blocks[ms_coefficients_diagonal_element(3, a < b ? a : b, a < b ? b : a) * stride +
-                      (size_t)r] *
-               own[b];
-      to[a] += by * add;
-      sum += by * add * own[a];
-    }
-    ms_unknowns_set(&model->unknowns, to, r, q);
+    const double a = -mean * x[r] + xx[r] * x[r] + xy[r] * y[r] + xz[r] * z[r],
+                 b = -mean * y[r] + xy[r] * x[r] + yy[r] * y[r] + yz[r] * z[r],
+                 c = -mean * z[r] + xz[r] * x[r] + yz[r] * y[r] + zz[r] * z[r];
+    q[r] += by * a, q[stride + (size_t)r] += by * b, q[2 * stride + (size_t)r] += by * c;
+    sum += by * a * x[r], sum += by * b * y[r], sum += by * c * z[r];
   }
   return sum;
 }
