@@ -86,6 +86,10 @@ static const skip_case cases[] = {
      NO_COLLIDERS | ONLY(MSIM_COLLIDER_CYLINDER), 0, NULL, NULL},
     {"box", NULL, "cloth100, no gravity, over it beside a box", EXPLICIT, 0,
      NO_COLLIDERS | ONLY(MSIM_COLLIDER_BOX), 0, NULL, NULL},
+    {"heightfield", NULL, "cloth100, no gravity, over it above a height field", EXPLICIT, 0,
+     NO_COLLIDERS | ONLY(MSIM_COLLIDER_HEIGHTFIELD), 0, NULL, NULL},
+    {"sdf", NULL, "cloth100, no gravity, over it beside a solid on a grid", EXPLICIT, 0,
+     NO_COLLIDERS | ONLY(MSIM_COLLIDER_SDF), 0, NULL, NULL},
 };
 
 const skip_case *skip_case_info(int i) {
@@ -133,8 +137,24 @@ static msim_status set_tiny_forces(msim_scene *scene, msim_error *err) {
   return msim_scene_set_forces(scene, force, err);
 }
 
+/* Those of one type, or those without samples */
 static msim_status add_colliders(unsigned only, msim_scene *scene, msim_error *err) {
+  enum { GRID = 3 };
+  static const double flat[GRID * GRID];
+  double distances[GRID * GRID * GRID];
+  for (int i = 0; i < GRID * GRID * GRID; i++)
+    distances[i] = i == GRID * GRID * GRID / 2 ? -0.5 : 0.5; /* a solid in the middle */
   const msim_collider colliders[] = {
+      {.type = MSIM_COLLIDER_HEIGHTFIELD,
+       .origin = {0, 0, -5},
+       .spacing = {0.5, 0.5},
+       .n = {GRID, GRID},
+       .values = flat},
+      {.type = MSIM_COLLIDER_SDF,
+       .origin = {0, 0, -5},
+       .spacing = {0.5, 0.5, 0.5},
+       .n = {GRID, GRID, GRID},
+       .values = distances},
       {.type = MSIM_COLLIDER_SPHERE, .center = {0, 0, -5}, .radius = 1},
       {.type = MSIM_COLLIDER_CAPSULE, .from = {0, 0, -5}, .to = {1, 0, -5}, .radius = 1},
       {.type = MSIM_COLLIDER_CYLINDER, .from = {0, 0, -5}, .to = {1, 0, -5}, .radius = 1},
@@ -143,7 +163,7 @@ static msim_status add_colliders(unsigned only, msim_scene *scene, msim_error *e
   for (size_t i = 0; i < sizeof colliders / sizeof *colliders && !status; i++) {
     msim_collider c = colliders[i];
     c.size = sizeof c;
-    if (only && only != ONLY(c.type)) continue;
+    if (only ? only != ONLY(c.type) : c.values != NULL) continue;
     status = msim_scene_add_collider(scene, &c, err);
   }
   return status;
