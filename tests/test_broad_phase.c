@@ -170,6 +170,18 @@ static int is_obstructed(const ms_collision_planes *planes, const double x[3]) {
   return 0;
 }
 
+/* The same for a point of the way from x to y */
+static int is_way_obstructed(const ms_collision_planes *planes, const double x[3],
+                             const double y[3]) {
+  enum { PARTS = 16 };
+  for (int k = 0; k <= PARTS; k++) {
+    double at[3];
+    for (int c = 0; c < 3; c++) at[c] = x[c] + (y[c] - x[c]) * k / PARTS;
+    if (is_obstructed(planes, at)) return 1;
+  }
+  return 0;
+}
+
 /* Counts of particles: all, those that the exhaustive check finds, and those left out */
 typedef struct counts {
   int all, found, left_out;
@@ -184,7 +196,10 @@ static void compare(ms_broad_phase b, double t, counts *n) {
     const ms_parabola parabola = {.planes = b.planes, .t = t, .x = x, .v = v, .a = a};
     ms_unknowns_get(rows, b.x, r, x);
     if (b.v) ms_unknowns_get(rows, b.v, r, v), ms_unknowns_get(rows, b.a, r, a);
-    const int found = b.v ? ms_impact_time_may_touch(&parabola, b.h) : is_obstructed(b.planes, x);
+    double y[3] = {x[0], x[1], x[2]};
+    if (b.x_end) ms_unknowns_get(rows, b.x_end, r, y);
+    const int found =
+        b.v ? ms_impact_time_may_touch(&parabola, b.h) : is_way_obstructed(b.planes, x, y);
     const int is_next = next == r;
     if (found && !is_next) fail_msg("particle %d at %g %g %g is left out", r, x[0], x[1], x[2]);
     if (is_next) next = ms_broad_phase_next(&b, r + 1);
@@ -208,7 +223,7 @@ static ms_collision_planes all_planes(const ms_scene *scene, ms_obstacles *o, do
 static void no_particle_is_left_out(void **state) {
   (void)state;
   unsigned seed = 11;
-  counts on_paths = {0}, at_points = {0};
+  counts on_paths = {0}, at_points = {0}, on_ways = {0};
   for (int k = 0; k < SCENES; k++) {
     msim_scene *scene = random_scene(&seed, k);
     ms_model model;
@@ -229,6 +244,8 @@ static void no_particle_is_left_out(void **state) {
                                        .nsolids = scene->data->ncolliders,
                                        .solid = scene->data->solids};
     compare((ms_broad_phase){.model = &model, .planes = &whole, .x = x}, t, &at_points);
+    ms_vector_add_scaled(model.shape, x, h, v, a); /* a: where straight ways end */
+    compare((ms_broad_phase){.model = &model, .planes = &whole, .x = x, .x_end = a}, t, &on_ways);
     MS_FREE(&scene->data->alloc, x, v, a);
     ms_obstacles_destroy(scene->data, &o);
     ms_model_destroy(&model);
@@ -237,6 +254,7 @@ static void no_particle_is_left_out(void **state) {
   print_message("on paths %d of %d, %d left out; at points %d, %d left out\n", on_paths.found,
                 on_paths.all, on_paths.left_out, at_points.found, at_points.left_out);
   assert_true(on_paths.found > on_paths.all / 20 && on_paths.left_out > on_paths.all / 20);
+  assert_true(on_ways.found > at_points.found && on_ways.left_out > on_ways.all / 20);
   assert_true(at_points.found > at_points.all / 20 && at_points.left_out > at_points.all / 20);
 }
 

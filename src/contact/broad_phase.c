@@ -34,8 +34,11 @@ static double bound_length(const ms_broad_phase *b, const double *vec, int32_t b
 
 static region bound_rows(const ms_broad_phase *b, int32_t begin, int32_t end) {
   region of = {.way = 0};
-  double low[3], high[3];
+  double low[3], high[3], least[3], most[3];
   bound_vector(b, b->x, begin, end, low, high);
+  if (b->x_end) bound_vector(b, b->x_end, begin, end, least, most);
+  for (int c = 0; c < 3 && b->x_end; c++)
+    low[c] = fmin(low[c], least[c]), high[c] = fmax(high[c], most[c]);
   for (int c = 0; c < 3; c++)
     of.middle[c] = 0.5 * (low[c] + high[c]), of.half[c] = 0.5 * (high[c] - low[c]);
   if (b->v)

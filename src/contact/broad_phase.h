@@ -13,14 +13,15 @@ typedef struct ms_broad_phase {
   const ms_model *model;
   const ms_collision_planes *planes; /* solids that move are where they are at the start */
   const double *x;
-  const double *v, *a; /* on parabolas from x with v and a for h; NULL: at x */
+  const double *v, *a; /* on parabolas from x with v and a for h; NULL: without */
+  const double *x_end; /* NULL; or on straight ways from x to there */
   double h;
   int32_t chunk_end, slice_end; /* 0 at first: ends of the last chunk and slice that may touch */
 } ms_broad_phase;
 
 /* The first row from `row` on for which ms_impact_time_may_touch() may be true, or, without v and
- * a, which may be closer to an obstacle than the tolerance; nfree: there is none. Call it with
- * ascending rows. */
+ * a, which may be closer to an obstacle than the tolerance, at x or on its way; nfree: there is
+ * none. Call it with ascending rows. */
 int32_t ms_broad_phase_next(ms_broad_phase *b, int32_t row);
 
 #endif

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/vec3.h"
+#include "contact/broad_phase.h"
 #include "contact/solid_contact.h"
 #include "physics/external_force.h"
 #include "physics/signed_distance.h"
@@ -33,7 +34,11 @@ static int compare_rows(const void *a, const void *b) {
 int32_t ms_contact_joining_add_penetrating(ms_stepper *s, int keeps) {
   ms_contact_set *e = s->events;
   int32_t nnew = 0, changed = 0, next = 0;
-  for (int32_t r = 0; r < s->model->unknowns.nfree; r++) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  ms_broad_phase near = {
+      .model = s->model, .planes = &planes, .x = s->x, .x_end = s->x_next, .h = s->h};
+  for (int32_t r = ms_broad_phase_next(&near, 0); r < s->model->unknowns.nfree;
+       r = ms_broad_phase_next(&near, r + 1)) {
     ms_contact *c = ms_contact_set_lookup(e, r, &next);
     ms_contact with = c ? *c : (ms_contact){.row = r, .is_prescribed = 1};
     const int before = with.on.n;

@@ -94,6 +94,7 @@ typedef struct ms_contact_set {
 /* The contact of an unknown, or NULL. Call it with ascending rows and one *next, 0 at first. */
 static inline ms_contact *ms_contact_set_lookup(const ms_contact_set *e, int32_t row,
                                                 int32_t *next) {
+  while (*next < e->ncontacts && e->contact[*next].row < row) ++*next;
   return *next < e->ncontacts && e->contact[*next].row == row ? &e->contact[(*next)++] : NULL;
 }
 
