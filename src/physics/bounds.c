@@ -47,7 +47,7 @@ static msim_status bound_largest(const ms_laplacian *l, int tight, double *bound
     return ms_error_set_memory(err, "the stability bounds");
   msim_status status = MSIM_OK;
   *bound = compute_gershgorin_discs(l, disc);
-  if (tight && *bound > 0 && isfinite(*bound) && any_above_zero(l)) {
+  if (tight && *bound > 0 && sqrt(*bound) <= MS_LARGEST_VALID && any_above_zero(l)) {
     status = ms_lanczos_bound(l, disc, &tighter, err);
     if (!status) *bound = fmin(*bound, tighter);
   }

@@ -2,8 +2,7 @@
 #ifndef MS_STEP_LIMIT_H
 #define MS_STEP_LIMIT_H
 
-#include <math.h>
-
+#include "base/vector.h"
 #include "physics/bounds.h"
 
 /* The fraction of the stability limit that h = auto takes. At the limit itself the fastest mode
@@ -19,9 +18,9 @@ typedef struct ms_step_limit {
   int warned;    /* 1: h exceeds the limit, and a warning said so */
 } ms_step_limit;
 
-/* 1: the bound on frequencies exceeds the range of double: no step is known to be stable. */
+/* 1: the bound on frequencies exceeds the numbers of a state: no step is known to be stable. */
 static inline int ms_step_limit_is_beyond_range(const ms_step_limit *a) {
-  return isinf(a->bounds.omega);
+  return a->bounds.omega > MS_LARGEST_VALID;
 }
 
 /* Compute tight bounds, and the limit that follows from them. */
