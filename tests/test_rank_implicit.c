@@ -43,10 +43,12 @@ static void coarse_spaces(void **state) {
   msim_scene_destroy(jelly);
 }
 
-/* A net in a plane that contains gravity, and a straight rope, oblique: two components move, and
- * affine motions of the rope's ranks depend on each other. */
+/* A net in a plane that contains gravity, where two components move; a straight rope and a beam,
+ * oblique, where affine motions of a rank depend on each other. Without the modes of ranks, 4 ranks
+ * take 1.4 times the iterations of one process for the rope, and 1.44 times for the beam. */
 static void dependent_modes(void **state) {
   (void)state;
+  static const char *const names[] = {"planar net", "oblique rope", "oblique beam"};
   const double g[3] = {3, 0, -9};
   const msim_cloth net = {.size = sizeof net,
                           .rows = 40,
@@ -58,19 +60,20 @@ static void dependent_modes(void **state) {
                           .k_shear = 20000,
                           .npinned = 1,
                           .pinned = (int32_t[]){0}};
-  const msim_rope rope = {.size = sizeof rope,
-                          .n = 1200,
-                          .to = {0.8, 0, -0.6},
-                          .mass = 0.3,
-                          .k = 1e5,
-                          .npinned = 1,
-                          .pinned = (int32_t[]){0}};
-  for (int i = 0; i < 2; i++) {
+  msim_rope rope = {.size = sizeof rope,
+                    .n = 1200,
+                    .to = {0.8, 0, -0.6},
+                    .mass = 0.3,
+                    .k = 1e5,
+                    .npinned = 1,
+                    .pinned = (int32_t[]){0}};
+  for (int i = 0; i < 3; i++) {
     msim_scene *scene;
+    if (i == 2) rope.to[1] = 0.4, rope.bending = 1;
     assert_ok(msim_scene_create(NULL, &scene, err));
     assert_ok(i ? msim_scene_add_rope(scene, &rope, err) : msim_scene_add_cloth(scene, &net, err));
     assert_ok(msim_scene_set_gravity(scene, g, err));
-    check_linear(i ? "oblique rope" : "planar net", scene, 5e-3);
+    check_implicit(names[i], scene, options("linearly-implicit-euler", 5e-3), 4, 1.35);
     msim_scene_destroy(scene);
   }
 }

@@ -34,7 +34,7 @@ static void options_are_refused_on_all_ranks(void **state) {
   opt = options("rk4", 1e-3), opt.contacts = MSIM_CONTACTS_ON;
   check_refusal(cloth, opt, "contacts");
   opt = options("linearly-implicit-euler", 1e-3), opt.solver = "cholmod";
-  check_refusal(cloth, opt, "that solver");
+  if (is_solver_available("cholmod")) check_refusal(cloth, opt, "that solver");
   opt = options("linearly-implicit-euler", 1e-3), opt.indefinite = MSIM_INDEFINITE_SOLVE;
   check_refusal(cloth, opt, "indefinite = solve");
   plane(cloth, 0, 0, 1, -1, 0.5, 0);

@@ -95,7 +95,7 @@ static void halve_step(ms_stepper *s, const ms_contact_frame *frame) {
 }
 
 int ms_step_energy_shorten(ms_stepper *s, double most) {
-  enum { MOST = 8 };
+  enum { MOST = 24 };
   const ms_shape shape = s->model->shape;
   const ms_contact_frame mean = find_mean_frame(s->events);
   double *x_best = s->events->begin[0], *v_best = s->events->begin[1];
