@@ -11,8 +11,7 @@ typedef struct energy {
 } energy;
 
 static energy find_energy(const ms_stepper *s, const double *x, const double *v) {
-  const ms_totals_copy copy = {s->events->stage[0], s->events->stage[1]};
-  const ms_totals t = ms_totals_compute(s->model, x, v, &copy, s->events->parts);
+  const ms_totals t = ms_totals_compute(s->model, x, v, s->events->parts);
   const ms_external *forces = &s->model->external;
   double weight = 0; /* sum of the magnitudes of external forces, N */
   for (int32_t r = 0; r < s->model->unknowns.nfree; r++)

@@ -48,8 +48,8 @@ void ms_totals_sum_ranks(ms_ranks *ranks, ms_totals *t) {
 }
 
 ms_totals ms_totals_compute(const ms_model *model, const double *x, const double *v,
-                            const ms_totals_copy *copy, ms_totals *parts) {
-  ms_totals_job j = {.model = model, .x = x, .v = v, .copy = copy, .parts = parts};
+                            ms_totals *parts) {
+  ms_totals_job j = {.model = model, .x = x, .v = v, .parts = parts};
   ms_totals sum = ms_totals_identity();
   ms_rank_model_refresh(model, x, NULL);
   const int32_t n = ms_pool_run_chunks(model->pool, compute_totals_chunk, &j,

@@ -14,18 +14,13 @@ typedef struct ms_totals {
   double low[3], high[3];  /* bounding box, m; 0 along an axis left out */
 } ms_totals;
 
-/* Vectors to which the sweep copies the unknowns of the state; pinned rows are not written. */
-typedef struct ms_totals_copy {
-  double *x, *v;
-} ms_totals_copy;
-
 /* The number of partial sums. */
 int32_t ms_totals_count_parts(const ms_model *model);
 
 /* Totals of the state x, v of the unknowns of this rank, by all threads of the model's pool, bit
  * for bit the same for any number of them. parts: scratch, ms_totals_count_parts. Collective. */
 ms_totals ms_totals_compute(const ms_model *model, const double *x, const double *v,
-                            const ms_totals_copy *copy, ms_totals *parts);
+                            ms_totals *parts);
 
 /* to += more; the box becomes that around both. */
 void ms_totals_add(const ms_totals *more, ms_totals *to);
@@ -39,7 +34,6 @@ ms_totals ms_totals_identity(void);
 typedef struct ms_totals_job {
   const ms_model *model;
   const double *x, *v;
-  const ms_totals_copy *copy;
   ms_totals *parts;
 } ms_totals_job;
 

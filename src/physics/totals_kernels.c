@@ -18,8 +18,6 @@ MS_INLINE void add_rows(int dims, const ms_totals_job *j, size_t row, tally *t) 
   const ms_mask there = ms_simd_load(m->inv_mass + row) > 0;
   const ms_lane_vectors xi = ms_load_vec(dims, j->x + row, stride),
                         vi = ms_load_vec(dims, j->v + row, stride);
-  ms_store_vec(dims, j->copy->x + row, stride, xi);
-  ms_store_vec(dims, j->copy->v + row, stride, vi);
   t->kinetic = ms_simd_fma(mass, ms_dot_vec(dims, vi, vi), t->kinetic);
   t->moment = ms_fma_vec(dims, mass, xi, t->moment);
   for (int c = 0; c < dims; c++) {

@@ -22,16 +22,14 @@ static int monitor_is_on(const msim_sim *sim) { return sim->config.opt.watch == 
 msim_status ms_energy_monitor_create(const msim_sim *sim, const ms_model *model,
                                      ms_last_good_state *good, msim_error *err) {
   if (!monitor_is_on(sim)) return MSIM_OK;
-  const int fits = MS_NEW_VECTORS(sim->scene, &model->unknowns, &good->kept.x, &good->kept.v,
-                                  &good->measured.x, &good->measured.v) &&
+  const int fits = MS_NEW_VECTORS(sim->scene, &model->unknowns, &good->x, &good->v) &&
                    MS_NEW(&sim->alloc, good->parts, ms_totals_count_parts(model));
   return fits ? MSIM_OK : ms_error_set_memory(err, "the last good state");
 }
 
 void ms_energy_monitor_destroy(const ms_model *model, ms_last_good_state *good) {
   if (!model->scene) return;
-  MS_FREE(&model->scene->alloc, good->kept.x, good->kept.v, good->measured.x, good->measured.v,
-          good->parts);
+  MS_FREE(&model->scene->alloc, good->x, good->v, good->parts);
 }
 
 /*------------------------------------- measuring ------------------------------------------------*/
@@ -46,7 +44,7 @@ static ms_totals measure_totals(msim_sim *sim) {
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_last_good_state *g = &m->last_good;
     if (!(m->at_rest && g->at_rest))
-      g->totals = ms_totals_compute(&m->model, m->stepper.x, m->stepper.v, &g->measured, g->parts);
+      g->totals = ms_totals_compute(&m->model, m->stepper.x, m->stepper.v, g->parts);
     ms_totals_add(&g->totals, &sum);
   }
   ms_totals_sum_ranks(sim->ranks, &sum);
@@ -191,14 +189,18 @@ static int restorable_tag(const msim_sim *sim, const ms_stepper *s) {
   return tag_is_restorable(sim) ? s->cached_stage : 0;
 }
 
+static void copy_present_state(ms_island_sim *m) {
+  ms_vector_copy(m->model.shape, m->stepper.x, m->last_good.x);
+  ms_vector_copy(m->model.shape, m->stepper.v, m->last_good.v);
+}
+
 static void keep_good_state(msim_sim *sim) {
   ms_energy_monitor *w = &sim->monitor;
   w->good = sim->run;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_last_good_state *g = &m->last_good;
     if (m->at_rest && g->at_rest) continue;
-    const ms_totals_copy between = g->kept;
-    g->kept = g->measured, g->measured = between;
+    copy_present_state(m);
     g->h_before = m->stepper.h_before;
     g->tag = restorable_tag(sim, &m->stepper);
     g->at_rest = m->at_rest;
@@ -232,8 +234,8 @@ static void restore_good_state(msim_sim *sim) {
   sim->run = sim->monitor.good;
   sim->run.t_shown = sim->run.t, sim->run.frame = frame;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
-    ms_vector_copy(m->model.shape, m->last_good.kept.x, m->stepper.x);
-    ms_vector_copy(m->model.shape, m->last_good.kept.v, m->stepper.v);
+    ms_vector_copy(m->model.shape, m->last_good.x, m->stepper.x);
+    ms_vector_copy(m->model.shape, m->last_good.v, m->stepper.v);
     m->stepper.h_before = m->last_good.h_before;
     m->stepper.cached_stage = m->last_good.tag;
     if (m->stepper.solver) ms_solver_discard_factors(m->stepper.solver);
@@ -345,9 +347,8 @@ void ms_energy_monitor_finish_reading(msim_sim *sim, int is_present) {
   if (!monitor_is_on(sim)) return;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_last_good_state *g = &m->last_good;
-    const ms_stepper *s = &m->stepper;
-    ms_totals_copy *to = is_present ? &g->kept : &g->measured;
-    g->totals = ms_totals_compute(&m->model, s->x, s->v, to, g->parts);
+    g->totals = ms_totals_compute(&m->model, m->stepper.x, m->stepper.v, g->parts);
+    if (is_present) copy_present_state(m);
   }
 }
 
@@ -362,8 +363,8 @@ void ms_energy_monitor_archive_island(ms_archive *b, const msim_sim *sim, int is
   if (b->direction == MS_ARCHIVE_READ) g->tag = restorable_tag(sim, s);
   if (b->direction == MS_ARCHIVE_COUNT ? sim->config.integrator->entry.implicit : is_present)
     return;
-  ms_archive_transfer_vector(b, shape, g->kept.x);
-  ms_archive_transfer_vector(b, shape, g->kept.v);
+  ms_archive_transfer_vector(b, shape, g->x);
+  ms_archive_transfer_vector(b, shape, g->v);
   if (!tag_is_restorable(sim)) return;
   MS_ARCHIVE_TRANSFER(b, g->tag);
   ms_method_state_archive_carried(b, sim->config.integrator, s, g->tag);

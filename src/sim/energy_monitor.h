@@ -36,13 +36,12 @@
 
 /* The last good state of one island */
 typedef struct ms_last_good_state {
-  ms_totals_copy kept;     /* the last good state, vectors of its model; NULL: the monitor is off */
-  ms_totals_copy measured; /* the state measured last, which may become `kept` */
-  double h_before;         /* of the kept state */
-  int tag;                 /* of the kept state: its tag, if that may be restored */
-  int at_rest;             /* of the kept state */
-  ms_totals totals;        /* of the state measured last */
-  ms_totals *parts;        /* scratch */
+  double *x, *v;    /* vectors of its model; NULL: the monitor is off */
+  double h_before;  /* of this state */
+  int tag;          /* of this state: its tag, if that may be restored */
+  int at_rest;      /* of this state */
+  ms_totals totals; /* of the state measured last */
+  ms_totals *parts; /* scratch */
 } ms_last_good_state;
 
 /* The energy monitor of the whole sim */
