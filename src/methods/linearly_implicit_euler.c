@@ -40,7 +40,7 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
     return MSIM_OK;
   }
   const ms_shape shape = s->model->shape;
-  double *dv = s->work[0], *b = s->work[1];
+  double *dv = s->work[0], *b = s->scratch;
   double *v_pinned = s->model->pins ? b : NULL;
   if (v_pinned) ms_vector_clear_all(shape, b), s->c = 1;
   if (s->model->function) s->c = 1;
@@ -75,5 +75,5 @@ const ms_integrator ms_linearly_implicit_euler = {
               .order = 1,
               .implicit = 1},
     .one_step = 1,
-    .nwork = 2,
+    .nwork = 1,
     .step = linearly_implicit_euler_step};
