@@ -34,6 +34,7 @@ static problem pose(const msim_scene *scene, int32_t aggregate) {
   const ms_stepper *s = &p.sim->islands->stepper;
   p.solver = s->solver, p.shape = s->model->shape;
   p.b = s->work[0], p.y = s->v_next, p.Ay = s->scratch;
+  assert_ok(ms_solver_prepare_descent(p.solver, err));
   unsigned seed = 8;
   for (int32_t c = 0; c < p.shape.dims; c++)
     for (int32_t r = 0; r < p.shape.n; r++) p.b[c * p.shape.stride + r] = uniform(&seed) - 0.5;

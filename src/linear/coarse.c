@@ -180,9 +180,8 @@ static void add_constrained_inertia(ms_coarse *coarse, const double *inertia) {
 
 msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a) {
   ms_block_cholesky *chol = &coarse->chol;
-  const size_t area = (size_t)chol->block * (size_t)chol->block;
   coarse->drops_negative_t = a->braced;
-  memset(chol->value, 0, area * (size_t)chol->first[chol->n] * sizeof *chol->value);
+  memset(chol->value, 0, ms_block_cholesky_size(chol) * sizeof *chol->value);
   coarse_run(assemble_chunk, &(coarse_job){.coarse = coarse, .a = a});
   add_constrained_inertia(coarse, a->inertia);
   return ms_block_cholesky_factor(chol);

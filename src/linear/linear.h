@@ -45,6 +45,8 @@ typedef struct ms_linear_ops {
   /* A y = b; y: 0 on input, the solution on output. Adds to *iterations. */
   msim_status (*solve)(ms_linear *self, const ms_linear_target *target, const double *b, double *y,
                        int64_t *iterations, msim_error *err);
+  /* Once, before the first descend(); where that fails, destroy() may follow. Nullable. */
+  msim_status (*prepare_descent)(ms_linear *self, msim_error *err);
   /* A descent direction y, b.y > 0, by conjugate gradients from y = 0, after factor() with
    * MSIM_FACTOR_SYMMETRIC. Where A is not positive definite, the compression of springs is reduced
    * in it (compression.h); later calls restore most of that. Nullable. */

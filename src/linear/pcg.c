@@ -161,12 +161,22 @@ static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
                                                                                 : MSIM_NOT_SPD;
 }
 
+/* In memory that is also used otherwise, let padding be 0 again. */
+static void clear_padding(ms_shape s, double *x) {
+  for (size_t c = 0; c < (size_t)s.dims; c++)
+    memset(x + c * (size_t)s.stride + s.n, 0, (size_t)(s.stride - s.n) * sizeof *x);
+}
+
 static msim_status factor_own(ms_pcg *s, int32_t kind) {
   const ms_model *model = s->base.system->model;
-  const msim_status status = ms_jacobi_invert(model, &s->base.system->a, kind, &s->jacobi);
+  const ms_coefficients *a = &s->base.system->a;
+  clear_padding(ms_coefficients_diagonal_shape(&model->unknowns, a), s->jacobi.inverse);
+  msim_status status = ms_jacobi_invert(model, a, kind, &s->jacobi);
   if (status) return status;
   pcg_run(pack_chunk, &(pcg_sweep){.s = s});
-  return s->base.aggregates ? factor_coarse(s, kind) : MSIM_OK;
+  if (s->base.aggregates) status = factor_coarse(s, kind);
+  clear_padding(model->shape, s->r);
+  return status;
 }
 
 static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
@@ -259,6 +269,11 @@ static int descend_once(ms_pcg *s, const ms_descent_target *d, const double *b, 
   return curvature > 0;
 }
 
+static msim_status pcg_prepare_descent(ms_linear *base, msim_error *err) {
+  if (base->system->a.block == 1) return MSIM_OK; /* no descend() */
+  return ms_compression_create(base->system->model, &((ms_pcg *)base)->compression, err);
+}
+
 /* Where a direction shows that A is not positive definite, reduce the compression that causes it,
  * and start again from 0, so that b.y > 0. */
 static void pcg_descend(ms_linear *base, const ms_descent_target *d, const double *b, double *y,
@@ -294,10 +309,8 @@ static void pcg_destroy(ms_linear *base) {
   const msim_allocator *alloc = &base->system->model->scene->alloc;
   ms_coarse_destroy(&s->coarse);
   ms_rank_modes_destroy(alloc, s->modes);
-  ms_jacobi_destroy(base->system->model, &s->jacobi);
   ms_compression_destroy(&s->compression);
-  MS_FREE(alloc, s->coefficients, s->inverse, s->factored_inverse, s->inertia, s->r, s->z, s->p,
-          s->q, s->sums);
+  MS_FREE(alloc, s->coefficients, s->inverse, s->factored_inverse, s->inertia, s->vectors, s->sums);
   ms_memory_free(alloc, s);
 }
 
@@ -310,12 +323,25 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
   const int fits = MS_NEW(alloc, s->coefficients, 4 * MS_SLICE * entries) &&
                    MS_NEW(alloc, s->inverse, blocks) &&
                    MS_NEW(alloc, s->factored_inverse, blocks) && MS_NEW(alloc, s->inertia, rows) &&
-                   MS_NEW(alloc, s->sums, ms_pool_count_chunks(model->half_edges.nslices, CHUNK)) &&
-                   MS_NEW_VECTORS(model->scene, &model->unknowns, &s->r, &s->z, &s->p, &s->q);
+                   MS_NEW(alloc, s->sums, ms_pool_count_chunks(model->half_edges.nslices, CHUNK));
   if (!fits) return ms_error_set_memory(err, "conjugate gradients");
-  msim_status status = ms_compression_create(model, &s->compression, err);
-  if (!status) status = ms_rank_modes_create(model, &s->modes, err);
-  return status ? status : ms_jacobi_create(model, &s->base.system->a, &s->jacobi, err);
+  return ms_rank_modes_create(model, &s->modes, err);
+}
+
+/* The vectors of iterations, whose content factor() may overwrite. They lie in the memory in which
+ * the coarse matrix is factored, if that is large enough. The inverse blocks in double precision,
+ * which only factor() uses, lie in p and q. */
+static msim_status create_vectors(ms_pcg *s, msim_error *err) {
+  const ms_model *model = s->base.system->model;
+  const ms_block_cholesky *chol = &s->coarse.chol;
+  const size_t vector = (size_t)model->unknowns.dims * (size_t)model->unknowns.stride;
+  s->r = chol->value;
+  if (ms_block_cholesky_size(chol) < 4 * vector)
+    s->r = MS_NEW(&model->scene->alloc, s->vectors, 4 * vector);
+  if (!s->r) return ms_error_set_memory(err, "conjugate gradients");
+  s->z = s->r + vector, s->p = s->z + vector, s->q = s->p + vector;
+  s->jacobi = (ms_jacobi){.block = s->base.system->a.block, .scale = 1, .inverse = s->p};
+  return MSIM_OK;
 }
 
 /* In solids the coarse factor grows faster than the mesh. Where it has more than half as many
@@ -332,7 +358,7 @@ static msim_status create_coarse(ms_pcg *s, int32_t aggregate, msim_error *err) 
     msim_status status = ms_coarse_create(model, aggregate, &s->coarse, err);
     const ms_block_cholesky *chol = &s->coarse.chol;
     if (status) return status;
-    const double factor = (double)chol->first[chol->n] * chol->block * chol->block;
+    const double factor = (double)ms_block_cholesky_size(chol);
     const double matrix = 4.0 * MS_SLICE * model->half_edges.nentries;
     if (factor <= fmax(0.5 * matrix, LITTLE)) return MSIM_OK;
     ms_coarse_destroy(&s->coarse);
@@ -341,7 +367,7 @@ static msim_status create_coarse(ms_pcg *s, int32_t aggregate, msim_error *err) 
 
 static void set_model(ms_linear *base) {
   ms_pcg *s = (ms_pcg *)base;
-  s->compression.model = base->system->model;
+  if (s->compression.model) s->compression.model = base->system->model;
   if (base->aggregates) s->coarse.model = base->system->model;
 }
 
@@ -351,6 +377,7 @@ msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *op
                           int32_t aggregate, ms_linear **linear, msim_error *err) {
   static const ms_linear_ops ops = {.factor = pcg_factor,
                                     .solve = pcg_solve,
+                                    .prepare_descent = pcg_prepare_descent,
                                     .descend = pcg_descend,
                                     .precondition = pcg_precondition,
                                     .set_model = set_model,
@@ -365,6 +392,7 @@ msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *op
   s->may_reuse_coarse = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
   msim_status status = pcg_allocate(s, err);
   if (!status && aggregate) status = create_coarse(s, aggregate, err);
+  if (!status) status = create_vectors(s, err);
   s->base.aggregates = s->coarse.aggregates.n;
   if (status) pcg_destroy(&s->base);
   else *linear = &s->base;

@@ -218,7 +218,7 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
   ms_ranks_gather_parts(ranks, q->bytes, q->own, q->all);
   q->is_ready = 0;
   if (ranks->failed) return;
-  memset(q->chol.value, 0, area * (size_t)q->chol.first[q->chol.n] * sizeof *q->chol.value);
+  memset(q->chol.value, 0, ms_block_cholesky_size(&q->chol) * sizeof *q->chol.value);
   const double *from = q->all;
   int32_t next = 0;
   for (int32_t r = 0; r < ranks->n; r++)

@@ -115,6 +115,12 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec
  * the one selected, or BiCGStab or elimination beside it. */
 int ms_solver_supports_damping_derivative(const ms_solver *solver);
 
+/* To be called once before ms_solver_descend(). */
+static inline msim_status ms_solver_prepare_descent(ms_solver *solver, msim_error *err) {
+  ms_linear *linear = solver->linear;
+  return linear->ops->prepare_descent ? linear->ops->prepare_descent(linear, err) : MSIM_OK;
+}
+
 /* A descent direction v, b.v > 0, by conjugate gradients on A(x, h) from 0 to the relative residual
  * request->rtol (ms_linear_ops.descend). Not where ms_solver_can_descend() is 0. */
 int ms_solver_can_descend(const ms_solver *solver);

@@ -113,9 +113,10 @@ static void assign_threads(msim_sim *sim) {
 msim_status ms_sim_create_solver(msim_sim *sim, const ms_island_sim *m, double h,
                                  ms_solver **solver, msim_error *err) {
   msim_status status = ms_solver_create(&m->model, &sim->config.opt, h, &sim->stats, solver, err);
-  if (!status && sim->config.integrator->nonlinear)
-    status = ms_solver_create_unsymmetric(*solver, err);
-  return status;
+  const int is_nonlinear = sim->config.integrator->nonlinear;
+  if (!status && (is_nonlinear || m->stepper.events)) /* whose steps may be of implicit Euler */
+    status = ms_solver_prepare_descent(*solver, err);
+  return status || !is_nonlinear ? status : ms_solver_create_unsymmetric(*solver, err);
 }
 
 static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_error *err) {
