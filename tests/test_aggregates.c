@@ -254,10 +254,11 @@ static double energy_ratio(const aggregates *g, int32_t k) {
     const int32_t i = s->i[e], j = s->j[e], p = at[i], q = at[j];
     if (i >= g->model.unknowns.nfree || j >= g->model.unknowns.nfree || of[i] != k || of[j] != k)
       continue;
-    L[p * n + p] += s->k[e], L[q * n + q] += s->k[e];
-    L[p * n + q] -= s->k[e], L[q * n + p] -= s->k[e];
+    const double stiffness = g->model.scene->k[s->spring[e]];
+    L[p * n + p] += stiffness, L[q * n + q] += stiffness;
+    L[p * n + q] -= stiffness, L[q * n + p] -= stiffness;
     for (int m = 0; m < 4; m++)
-      energy += s->k[e] * pow((double)g->a.weight[4 * i + m] - (double)g->a.weight[4 * j + m], 2);
+      energy += stiffness * pow((double)g->a.weight[4 * i + m] - (double)g->a.weight[4 * j + m], 2);
   }
   const double ratio = energy / least_eigenvalues(n, L);
   free(at), free(L);

@@ -23,8 +23,9 @@ static long double textbook(const ms_model *m, const double *x, double h, const 
           (long double)lambda * h * ((long double)d[c * stride + j] - d[c * stride + i]);
       l2 += u * u, next2 += (u + q) * (u + q), along += u * q;
     }
-    const long double l = sqrtl(l2), next = sqrtl(next2), rest = m->springs.rest[e];
-    const long double k = m->springs.k[e], a = l > 0 ? along / l : 0;
+    const long double l = sqrtl(l2), next = sqrtl(next2),
+                      rest = m->scene->rest[m->springs.spring[e]];
+    const long double k = m->scene->k[m->springs.spring[e]], a = l > 0 ? along / l : 0;
     sum += k / 2 * ((next - rest) * (next - rest) - (l - rest) * (l - rest)) - k * (l - rest) * a;
   }
   return sum;

@@ -7,6 +7,7 @@
 #include "physics/nonlinearity.h"
 #include "physics/external_force.h"
 #include "physics/rank_model.h"
+#include "scene/laws.h"
 #include "scene/options.h"
 
 /* The matrix of d, and the line search */
@@ -286,7 +287,8 @@ static double relative_motion(const newton *n, int32_t e) {
   const ms_springs *s = &n->s->model->springs;
   const size_t stride = (size_t)n->shape.stride;
   const int32_t i = s->i[e], j = s->j[e];
-  double length2 = s->rest[e] * s->rest[e], apart2 = 0, motion2 = 0;
+  const double rest = n->s->model->scene->rest[s->spring[e]];
+  double length2 = rest * rest, apart2 = 0, motion2 = 0;
   for (size_t c = 0; c < (size_t)n->shape.dims; c++) {
     const double *x = n->s->x + c * stride, *d = n->d + c * stride;
     const double motion = n->stage->ah * (d[j] - d[i]);
@@ -418,7 +420,8 @@ static int has_strong_dampers(const newton *n, double share) {
     double mass = INFINITY;
     if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);
     if (s->j[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->j[e]]);
-    found = s->damping[e] > share * ah * s->k[e] && ah * s->damping[e] > mass;
+    const double c = ms_scene_damping(model->scene, s->spring[e]);
+    found = c > share * ah * ms_scene_stiffness(model->scene, s->spring[e]) && ah * c > mass;
   }
   ms_ranks_maximum(n->shape.ranks, 1, &found);
   return found > 0;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "physics/external_force.h"
+#include "scene/laws.h"
 
 /* A scene that needs more is faulty. */
 #define MAX_INNER_STEPS 1e6
@@ -19,7 +20,8 @@ static double inverse_mass(const ms_model *model, int32_t row) {
 static void find_stiffness_classes(const ms_model *model, int *class_of) {
   const ms_springs *s = &model->springs;
   for (int32_t e = 0; e < s->n; e++)
-    class_of[e] = ilogb(s->k[e] * (inverse_mass(model, s->i[e]) + inverse_mass(model, s->j[e])));
+    class_of[e] = ilogb(ms_scene_stiffness(model->scene, s->spring[e]) *
+                        (inverse_mass(model, s->i[e]) + inverse_mass(model, s->j[e])));
 }
 
 /* The bounds of bounds.h for the springs of classes [from, to] alone. sums: 2 nfree, scratch */
@@ -31,8 +33,10 @@ static ms_bounds bounds_between(const ms_model *model, const int *class_of, int 
   memset(sums, 0, 2 * (size_t)n * sizeof *sums);
   for (int32_t e = 0; e < s->n; e++) {
     if (class_of[e] < from || class_of[e] > to) continue;
-    if (s->i[e] < n) k[s->i[e]] += s->k[e], c[s->i[e]] += s->damping[e];
-    if (s->j[e] < n) k[s->j[e]] += s->k[e], c[s->j[e]] += s->damping[e];
+    const double of_k = ms_scene_stiffness(model->scene, s->spring[e]);
+    const double of_c = ms_scene_damping(model->scene, s->spring[e]);
+    if (s->i[e] < n) k[s->i[e]] += of_k, c[s->i[e]] += of_c;
+    if (s->j[e] < n) k[s->j[e]] += of_k, c[s->j[e]] += of_c;
   }
   for (int32_t r = 0; r < n; r++) {
     omega2 = fmax(omega2, 2 * k[r] * model->inv_mass[r]);

@@ -1,6 +1,7 @@
 #include "layout/half_edges.h"
 
 #include "base/vector.h"
+#include "scene/laws.h"
 
 /*------------------------------------- split rows -----------------------------------------------*/
 
@@ -224,14 +225,16 @@ static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
   return MSIM_OK;
 }
 
-void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *half_edges) {
+void ms_half_edges_update_springs(const ms_scene *scene, const ms_springs *springs,
+                                  ms_half_edges *half_edges) {
   for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++) {
-    const int32_t e = half_edges->spring[at];
-    if (e < 0) continue;
-    half_edges->stiffness[at] = springs->k[e];
-    half_edges->k[at] = springs->has_law && springs->has_law[e] ? 0 : springs->k[e];
-    half_edges->rest[at] = springs->rest[e];
-    half_edges->damping[at] = springs->damping[e];
+    if (half_edges->spring[at] < 0) continue;
+    const int32_t e = springs->spring[half_edges->spring[at]];
+    const double k = ms_scene_stiffness(scene, e);
+    half_edges->stiffness[at] = k;
+    half_edges->k[at] = ms_scene_law(scene, e) ? 0 : k;
+    half_edges->rest[at] = scene->rest[e];
+    half_edges->damping[at] = ms_scene_damping(scene, e);
   }
 }
 
@@ -243,10 +246,10 @@ msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
   if (!status) status = make_entries(scene, rows, a, half_edges, err);
   if (status) return status;
   half_edges->stiffness = half_edges->k;
-  if (springs->has_law &&
+  if (scene->law &&
       !MS_NEW(&scene->alloc, half_edges->stiffness, MS_SLICE * (size_t)half_edges->nentries))
     return ms_error_set_memory(err, "the half-edges of the springs");
-  ms_half_edges_update_springs(springs, half_edges);
+  ms_half_edges_update_springs(scene, springs, half_edges);
   return MSIM_OK;
 }
 

@@ -42,8 +42,9 @@ msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
 /* Sets first_part to 0 for rows that are split, else -1, and counts their parts; nslices is set. */
 void ms_half_edges_find_split_rows(const ms_adjacency *a, int32_t nfree, ms_half_edges *out);
 
-/* Copy k, rest and damping from the springs again. */
-void ms_half_edges_update_springs(const ms_springs *springs, ms_half_edges *half_edges);
+/* Copy k, rest and damping from the scene again. */
+void ms_half_edges_update_springs(const ms_scene *scene, const ms_springs *springs,
+                                  ms_half_edges *half_edges);
 void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges);
 
 /* Add the sums that the kernels left in part_sums to the split rows of a vector, part by part. */

@@ -1,7 +1,6 @@
 #include "layout/unknowns.h"
 
 #include "base/archive.h"
-#include "scene/laws.h"
 
 static int32_t round_up_to_slices(int32_t n) { return (n + MS_SLICE - 1) / MS_SLICE * MS_SLICE; }
 
@@ -82,9 +81,7 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
   const size_t count = (size_t)island->nsprings;
   *springs = (ms_springs){.n = island->nsprings};
   if (!MS_NEW(alloc, springs->i, count) || !MS_NEW(alloc, springs->j, count) ||
-      !MS_NEW(alloc, springs->k, count) || !MS_NEW(alloc, springs->rest, count) ||
-      !MS_NEW(alloc, springs->damping, count) || !MS_NEW(alloc, springs->spring, count) ||
-      (scene->law && !MS_NEW(alloc, springs->has_law, count)))
+      !MS_NEW(alloc, springs->spring, count))
     return ms_error_set_memory(err, "a copy of the springs");
   ms_unknowns_find_rows(rows, island->row_scratch);
   for (size_t to = 0; to < count; to++) {
@@ -92,22 +89,10 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
     springs->i[to] = island->row_scratch[scene->ij[2 * (size_t)e]];
     springs->j[to] = island->row_scratch[scene->ij[2 * (size_t)e + 1]];
   }
-  ms_springs_update(scene, springs);
   return MSIM_OK;
 }
 
-void ms_springs_update(const ms_scene *scene, ms_springs *springs) {
-  for (int32_t to = 0; to < springs->n; to++) {
-    const int32_t e = springs->spring[to];
-    springs->k[to] = ms_scene_stiffness(scene, e);
-    springs->rest[to] = scene->rest[e];
-    if (springs->has_law) springs->has_law[to] = ms_scene_law(scene, e) != NULL;
-    springs->damping[to] = ms_scene_damping(scene, e);
-  }
-}
-
 void ms_springs_destroy(const ms_scene *scene, ms_springs *springs) {
-  MS_FREE(&scene->alloc, springs->i, springs->j, springs->k, springs->rest, springs->damping,
-          springs->spring, springs->has_law);
+  MS_FREE(&scene->alloc, springs->i, springs->j, springs->spring);
   *springs = (ms_springs){0};
 }

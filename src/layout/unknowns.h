@@ -79,20 +79,16 @@ static inline double ms_unknowns_own_share(const ms_unknowns *rows, int32_t n, c
   return own == all ? 1 : (double)own / all;
 }
 
-/* The island's springs in the order of the scene, with their ends as rows. */
+/* The island's springs in the order of the scene, with their ends as rows. The scene has their
+ * parameters (laws.h). */
 typedef struct ms_springs {
   int32_t n;
-  int32_t *i, *j;             /* n: rows of the ends */
-  double *k, *rest, *damping; /* n: N/m, m, N s/m; k: with a law, the largest |df/de| */
-  int32_t *spring;            /* n: the spring's number in the scene */
-  uint8_t *has_law;           /* n: 1 if it has a law; NULL: none has */
+  int32_t *i, *j;  /* n: rows of the ends */
+  int32_t *spring; /* n: the spring's number in the scene */
 } ms_springs;
 
 msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
                               const ms_unknowns *rows, ms_springs *springs, msim_error *err);
-
-/* Copy k, rest and damping from the scene again. */
-void ms_springs_update(const ms_scene *scene, ms_springs *springs);
 void ms_springs_destroy(const ms_scene *scene, ms_springs *springs);
 
 #endif

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "scene/laws.h"
+
 /* The larger of `worst` and stiffness over the lighter mass of two rows */
 static double raise_ratio(const ms_model *model, double worst, double stiffness, int32_t i,
                           int32_t j) {
@@ -17,8 +19,11 @@ static double estimate_condition(const ms_model *model, double h) {
   const ms_springs *s = &model->springs;
   const ms_angles *g = &model->angles;
   double worst = 0;
-  for (int32_t e = 0; e < s->n; e++)
-    worst = raise_ratio(model, worst, h * h * s->k[e] + h * s->damping[e], s->i[e], s->j[e]);
+  for (int32_t e = 0; e < s->n; e++) {
+    const double k = ms_scene_stiffness(model->scene, s->spring[e]),
+                 c = ms_scene_damping(model->scene, s->spring[e]);
+    worst = raise_ratio(model, worst, h * h * k + h * c, s->i[e], s->j[e]);
+  }
   for (int32_t e = 0; e < g->n; e++)
     for (int end = 0; end < 2; end++)
       worst =

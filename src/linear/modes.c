@@ -2,16 +2,22 @@
 
 #include <math.h>
 
+#include "scene/laws.h"
+
 /*------------------------------------- one aggregate --------------------------------------------*/
 
 typedef struct workspace {
   const ms_incidence *graph;
-  const double *stiffness; /* of each spring */
-  const int32_t *of;       /* the aggregate of each unknown */
-  int32_t *local;          /* the index in its aggregate of each unknown */
-  double *l;               /* a dense matrix of the size of the largest aggregate */
-  double (*v)[MS_MODES];   /* the modes of one aggregate */
+  const ms_model *model;
+  const int32_t *of;     /* the aggregate of each unknown */
+  int32_t *local;        /* the index in its aggregate of each unknown */
+  double *l;             /* a dense matrix of the size of the largest aggregate */
+  double (*v)[MS_MODES]; /* the modes of one aggregate */
 } workspace;
+
+static double stiffness(const workspace *w, int32_t half_edge) {
+  return ms_scene_stiffness(w->model->scene, w->model->springs.spring[half_edge / 2]);
+}
 
 /* l = the dense Laplacian of the aggregate rows[0..n), in units of its stiffest spring. Returns the
  * mean of its diagonal. */
@@ -22,13 +28,13 @@ static double assemble_laplacian(const workspace *w, const int32_t *rows, int32_
   for (int32_t i = 0; i < n; i++)
     for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++)
       if (of[graph->row[half_edge[e] ^ 1]] == of[rows[i]])
-        largest = fmax(largest, w->stiffness[half_edge[e] / 2]);
+        largest = fmax(largest, stiffness(w, half_edge[e]));
   for (int32_t i = 0; i < n * n; i++) l[i] = 0;
   for (int32_t i = 0; i < n && largest > 0; i++) {
     for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++) {
       const int32_t other = graph->row[half_edge[e] ^ 1];
       if (of[other] != of[rows[i]]) continue;
-      const double k = w->stiffness[half_edge[e] / 2] / largest;
+      const double k = stiffness(w, half_edge[e]) / largest;
       l[i * n + w->local[other]] -= k;
       l[i * n + i] += k;
       sum += k;
@@ -106,7 +112,7 @@ msim_status ms_modes_compute(const ms_model *model, const ms_incidence *graph, m
     const int32_t n = a->first[k + 1] - a->first[k];
     if (n > largest) largest = n;
   }
-  workspace w = {.graph = graph, .stiffness = model->springs.k, .of = a->of};
+  workspace w = {.graph = graph, .model = model, .of = a->of};
   const int fits = MS_NEW(alloc, w.local, model->unknowns.nfree) &&
                    MS_NEW(alloc, w.l, (size_t)largest * (size_t)largest) &&
                    MS_NEW(alloc, w.v, largest);

@@ -24,9 +24,8 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs,
   for (int32_t e = 0; e < angles->n; e++)
     if (angles->damping[e] > 0) features |= MS_HAS_DAMPING;
   for (int32_t e = 0; e < springs->n; e++) {
-    if (springs->damping[e] > 0) features |= MS_HAS_DAMPING;
-    if (!ms_spring_is_linear(s, springs->spring[e], springs->rest[e], springs->damping[e]))
-      features |= MS_HAS_DIRECTIONS;
+    if (ms_scene_damping(s, springs->spring[e]) > 0) features |= MS_HAS_DAMPING;
+    if (!ms_scene_is_linear(s, springs->spring[e])) features |= MS_HAS_DIRECTIONS;
   }
   if (has_velocity_forces(s)) features |= MS_HAS_DRAG;
   if (ms_scene_has_function(s)) features |= MS_HAS_DIRECTIONS;
@@ -172,8 +171,7 @@ void ms_model_keep_springs_only(ms_model *model) {
 }
 
 void ms_model_update_springs(ms_model *model, unsigned skip_off) {
-  ms_springs_update(model->scene, &model->springs);
-  ms_half_edges_update_springs(&model->springs, &model->half_edges);
+  ms_half_edges_update_springs(model->scene, &model->springs, &model->half_edges);
   if (model->laws) ms_law_springs_update(model);
   model->features = find_features(model->scene, &model->springs, &model->angles) | skip_off;
 }

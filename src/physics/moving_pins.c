@@ -113,7 +113,7 @@ void ms_moving_pins_set(const ms_model *model, ms_instant at, double *x, double 
 /* The power of the force of a spring on its moving end */
 static double compute_spring_power(const ms_model *model, const ms_moving_spring *e, ms_instant at,
                                    const double *x, const double *v) {
-  const ms_springs *s = &model->springs;
+  const int32_t spring = model->springs.spring[e->spring];
   double here[3], w[3], d[3], dv[3] = {0};
   evaluate_row(model, &e->end, at, here, w);
   ms_unknowns_get(&model->unknowns, x, e->other, d);
@@ -121,8 +121,9 @@ static double compute_spring_power(const ms_model *model, const ms_moving_spring
   for (int c = 0; c < 3; c++) d[c] -= here[c], dv[c] = v ? dv[c] - w[c] : 0;
   const double l = ms_vec3_norm(d);
   if (l * l <= MS_MIN_LENGTH2) return 0;
-  const double pull = ms_law_value_of(model->scene, s->spring[e->spring], l).force +
-                      MS_DASHPOT_FORCE(s->damping[e->spring], ms_vec3_dot(d, dv)) / l;
+  const double damping = ms_scene_damping(model->scene, spring);
+  const double pull = ms_law_value_of(model->scene, spring, l).force +
+                      MS_DASHPOT_FORCE(damping, ms_vec3_dot(d, dv)) / l;
   return pull / l * ms_vec3_dot(d, w);
 }
 

@@ -81,7 +81,7 @@ static double speed2_from_spring(const ms_model *model, int32_t r, int32_t q, do
 static double elastic_energy(const ms_model *model, int32_t at, double l) {
   const ms_half_edges *h = &model->half_edges;
   const int32_t e = h->spring[at];
-  if (model->springs.has_law && model->springs.has_law[e])
+  if (ms_scene_law(model->scene, model->springs.spring[e]))
     return fabs(ms_law_value_of(model->scene, model->springs.spring[e], l).energy);
   const double stretch = l - h->rest[at];
   return h->k[at] * stretch * stretch / 2;

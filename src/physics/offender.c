@@ -14,7 +14,8 @@ static double bound_force(const ms_model *m, int32_t e, const double *x, const d
   ms_unknowns_get(&m->unknowns, v, s->i[e], vi), ms_unknowns_get(&m->unknowns, v, s->j[e], vj);
   for (int c = 0; c < 3; c++) d[c] = xj[c] - xi[c], dv[c] = vj[c] - vi[c];
   const double elastic = fabs(ms_law_value_of(m->scene, s->spring[e], ms_vec3_norm(d)).force);
-  return s->damping[e] > 0 ? elastic + MS_DASHPOT_FORCE(s->damping[e], ms_vec3_norm(dv)) : elastic;
+  const double c = ms_scene_damping(m->scene, s->spring[e]);
+  return c > 0 ? elastic + MS_DASHPOT_FORCE(c, ms_vec3_norm(dv)) : elastic;
 }
 
 int32_t ms_offender_find_spring(const ms_model *model, const double *x, const double *v,

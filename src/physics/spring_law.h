@@ -47,4 +47,9 @@ static inline int ms_spring_is_linear(const ms_scene *s, int32_t spring, double 
   return rest == 0 && damping == 0 && !ms_scene_law(s, spring);
 }
 
+/* The same with the scene's own values */
+static inline int ms_scene_is_linear(const ms_scene *s, int32_t spring) {
+  return ms_spring_is_linear(s, spring, s->rest[spring], ms_scene_damping(s, spring));
+}
+
 #endif

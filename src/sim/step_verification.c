@@ -57,9 +57,7 @@ static double find_turn(const ms_stepper *s) {
   for (int32_t e = 0; e < springs->n; e++) {
     const size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
     double before = 0, after = 0, both = 0;
-    if (ms_spring_is_linear(s->model->scene, springs->spring[e], springs->rest[e],
-                            springs->damping[e]))
-      continue;
+    if (ms_scene_is_linear(s->model->scene, springs->spring[e])) continue;
     for (size_t at = 0; at < dims * stride; at += stride) {
       const double from = s->x[at + j] - s->x[at + i], to = s->x_next[at + j] - s->x_next[at + i];
       before += from * from, after += to * to, both += from * to;
