@@ -78,7 +78,8 @@ msim_status ms_ranks_agree_on(ms_ranks *ranks, msim_status status, ms_agreement 
   return root < 0 ? MSIM_OK : share_message(ranks, root, err);
 }
 
-/* Both halves are exact as doubles: they are equal where maximum and minimum are. */
+/* The upper and lower 32 bits are exact as doubles: ranks have the same number where maximum and
+ * minimum of both are equal. */
 int ms_ranks_have_same(ms_ranks *ranks, uint64_t number) {
   const double high = (double)(number >> 32), low = (double)(number & UINT32_MAX);
   double most[] = {high, low, -high, -low};

@@ -93,15 +93,14 @@ static void halve_step(ms_stepper *s, const ms_contact_frame *frame) {
   }
 }
 
-int ms_step_energy_shorten(ms_stepper *s, double most) {
+void ms_step_energy_shorten(ms_stepper *s, double most) {
   enum { MOST = 24 };
   const ms_shape shape = s->model->shape;
   const ms_contact_frame mean = find_mean_frame(s->events);
   double *x_best = s->events->begin[0], *v_best = s->events->begin[1];
   double now = ms_step_energy_find_end(s) - s->work_in_step, best = INFINITY, work = 0;
-  int n = 0;
-  for (;; n++) {
-    if (now <= most) return n;
+  for (int n = 0;; n++) {
+    if (now <= most) return;
     if (now < best) {
       best = now, work = s->work_in_step;
       ms_vector_copy(shape, s->x_next, x_best);
@@ -115,5 +114,4 @@ int ms_step_energy_shorten(ms_stepper *s, double most) {
   ms_vector_copy(shape, x_best, s->x_next);
   ms_vector_copy(shape, v_best, s->v_next);
   s->work_in_step = work;
-  return n;
 }

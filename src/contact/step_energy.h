@@ -25,8 +25,7 @@ double ms_step_energy_bound_work(ms_stepper *s, const double *v);
  * reflects particles that are inside obstacles then. So the step tends to no motion, which adds no
  * energy; where solids move, to the mean motion of those that are in contact, and the impulse by
  * which they carry the body along does work. If no step is short enough, as where a solid presses a
- * body against another one, or against pins, the one with the least energy is made. Returns the
- * number of halvings. */
-int ms_step_energy_shorten(ms_stepper *s, double most);
+ * body against another one, or against pins, the one with the least energy is made. */
+void ms_step_energy_shorten(ms_stepper *s, double most);
 
 #endif

@@ -1,10 +1,12 @@
 #include "sim/breaking.h"
 
-#include "base/vec3.h"
+#include <math.h>
+
 #include "contact/contact_set.h"
 #include "methods/methods.h"
 #include "physics/law_breaking.h"
 #include "physics/rank_model.h"
+#include "physics/reference.h"
 #include "sim/step_driver.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -72,10 +74,7 @@ static void restart(msim_sim *sim, const msim_state *now) {
 }
 
 static double measure_energy_below_rest(const ms_scene *s, int32_t spring, const double *x) {
-  const double *a = x + 3 * (size_t)s->ij[2 * (size_t)spring];
-  const double *b = x + 3 * (size_t)s->ij[2 * (size_t)spring + 1];
-  const double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-  return fmax(0, -ms_law_value_of(s, spring, ms_vec3_norm(d)).energy);
+  return fmax(0, -ms_reference_compute_spring_energy(s, spring, x));
 }
 
 void ms_breaking_break(msim_sim *sim, int32_t n, const int32_t *springs) {
@@ -105,7 +104,7 @@ static int finds_breaking_springs(const msim_sim *sim) {
 }
 
 /* Break the springs that some rank has marked; returns their number. Up to two ranks mark a spring:
- * their marks are added up as digits of base 4, 24 in a number. */
+ * the counts of marks of 24 springs share a double, as digits in base 4. */
 static int64_t break_marked_springs(ms_scene *s, ms_ranks *ranks) {
   enum { DIGITS = 24, NUMBERS = 64 };
   int64_t broken = 0;
