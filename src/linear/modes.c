@@ -6,70 +6,96 @@
 
 /*------------------------------------- one aggregate --------------------------------------------*/
 
-typedef struct workspace {
+/* What all aggregates share */
+typedef struct modes_job {
   const ms_incidence *graph;
   const ms_model *model;
-  const int32_t *of;     /* the aggregate of each unknown */
-  int32_t *local;        /* the index in its aggregate of each unknown */
-  double *l;             /* a dense matrix of the size of the largest aggregate */
-  double (*v)[MS_MODES]; /* the modes of one aggregate */
+  ms_aggregates *a;
+  int32_t largest; /* unknowns of the largest aggregate */
+  int32_t *local;  /* the index in its aggregate of each unknown */
+} modes_job;
+
+/* Arrays for one aggregate at a time, with n members. As these are numbered along the mesh, the
+ * factor is a band: u_ki = 0 for i >= end[k]. */
+typedef struct workspace {
+  double *u;             /* n x n by rows: the upper Cholesky factor */
+  double (*v)[MS_MODES]; /* the modes */
+  int32_t *end;          /* n, ascending: the end of each row of u, > k */
 } workspace;
 
-static double stiffness(const workspace *w, int32_t half_edge) {
-  return ms_scene_stiffness(w->model->scene, w->model->springs.spring[half_edge / 2]);
+static double stiffness(const modes_job *j, int32_t half_edge) {
+  return ms_scene_stiffness(j->model->scene, j->model->springs.spring[half_edge / 2]);
 }
 
-/* l = the dense Laplacian of the aggregate rows[0..n), in units of its stiffest spring. Returns the
- * mean of its diagonal. */
-static double assemble_laplacian(const workspace *w, const int32_t *rows, int32_t n) {
-  const ms_incidence *graph = w->graph;
-  const int32_t *first = graph->of.first, *half_edge = graph->of.item, *of = w->of;
-  double largest = 0, sum = 0, *l = w->l;
-  for (int32_t i = 0; i < n; i++)
-    for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++)
-      if (of[graph->row[half_edge[e] ^ 1]] == of[rows[i]])
-        largest = fmax(largest, stiffness(w, half_edge[e]));
-  for (int32_t i = 0; i < n * n; i++) l[i] = 0;
-  for (int32_t i = 0; i < n && largest > 0; i++) {
-    for (int32_t e = first[rows[i]]; e < first[rows[i] + 1]; e++) {
-      const int32_t other = graph->row[half_edge[e] ^ 1];
+/* Clear the rows of u as far as the Laplacian of the aggregate rows[0..n) fills the factor. Returns
+ * the largest stiffness. */
+static double prepare_band(const modes_job *j, const int32_t *rows, int32_t n, workspace *w) {
+  const ms_buckets *edges = &j->graph->of;
+  const int32_t *of = j->a->of;
+  double largest = 0;
+  for (int32_t i = 0; i < n; i++) {
+    w->end[i] = i > 0 && w->end[i - 1] > i ? w->end[i - 1] : i + 1;
+    for (int32_t e = edges->first[rows[i]]; e < edges->first[rows[i] + 1]; e++) {
+      const int32_t other = j->graph->row[edges->item[e] ^ 1];
       if (of[other] != of[rows[i]]) continue;
-      const double k = stiffness(w, half_edge[e]) / largest;
-      l[i * n + w->local[other]] -= k;
-      l[i * n + i] += k;
+      largest = fmax(largest, stiffness(j, edges->item[e]));
+      if (j->local[other] >= w->end[i]) w->end[i] = j->local[other] + 1;
+    }
+    for (int32_t k = i; k < w->end[i]; k++) w->u[i * n + k] = 0;
+  }
+  return largest;
+}
+
+/* u = the upper triangle of the Laplacian of the aggregate rows[0..n), in units of its stiffest
+ * spring. Returns the mean of its diagonal. */
+static double assemble_laplacian(const modes_job *j, const int32_t *rows, int32_t n, workspace *w) {
+  const ms_buckets *edges = &j->graph->of;
+  const int32_t *of = j->a->of;
+  const double largest = prepare_band(j, rows, n, w);
+  double sum = 0, *u = w->u;
+  for (int32_t i = 0; i < n && largest > 0; i++) {
+    for (int32_t e = edges->first[rows[i]]; e < edges->first[rows[i] + 1]; e++) {
+      const int32_t other = j->graph->row[edges->item[e] ^ 1];
+      if (of[other] != of[rows[i]]) continue;
+      const double k = stiffness(j, edges->item[e]) / largest;
+      if (j->local[other] > i) u[i * n + j->local[other]] -= k;
+      u[i * n + i] += k;
       sum += k;
     }
   }
   return sum / n;
 }
 
-/* Replace the Laplacian l by the lower Cholesky factor of l + shift I. The shift is well above
+/* Replace the Laplacian by the factor of u^T u = Laplacian + shift I. The shift is well above
  * rounding errors, and well below the smallest positive eigenvalue of interest. */
-static void factor_laplacian(int32_t n, double mean, double *l) {
+static void factor_laplacian(int32_t n, double mean, workspace *w) {
   const double shift = mean > 0 ? 1e-4 * mean : 1;
-  for (int32_t j = 0; j < n; j++) {
-    double d = l[j * n + j] + shift;
-    for (int32_t k = 0; k < j; k++) d -= l[j * n + k] * l[j * n + k];
-    l[j * n + j] = d = sqrt(d);
-    for (int32_t i = j + 1; i < n; i++) {
-      double s = l[i * n + j];
-      for (int32_t k = 0; k < j; k++) s -= l[i * n + k] * l[j * n + k];
-      l[i * n + j] = s / d;
+  for (int32_t k = 0; k < n; k++) w->u[k * n + k] += shift;
+  for (int32_t k = 0; k < n; k++) {
+    double *restrict row = w->u + k * n;
+    row[k] = sqrt(row[k]);
+    for (int32_t i = k + 1; i < w->end[k]; i++) row[i] /= row[k];
+    for (int32_t j = k + 1; j < w->end[k]; j++) {
+      double *restrict to = w->u + j * n;
+      for (int32_t i = j; i < w->end[k]; i++) to[i] -= row[i] * row[j];
     }
   }
 }
 
-/* v = (l l^T)^-1 v for MS_MODES vectors side by side */
-static void solve_laplacian(const double *l, int32_t n, double (*v)[MS_MODES]) {
-  for (int32_t i = 0; i < n; i++) {
-    for (int32_t k = 0; k < i; k++)
-      for (int m = 0; m < MS_MODES; m++) v[i][m] -= l[i * n + k] * v[k][m];
-    for (int m = 0; m < MS_MODES; m++) v[i][m] /= l[i * n + i];
+/* v = (u^T u)^-1 v for MS_MODES vectors side by side */
+static void solve_laplacian(const workspace *w, int32_t n) {
+  double(*v)[MS_MODES] = w->v;
+  for (int32_t k = 0; k < n; k++) {
+    const double *row = w->u + k * n;
+    for (int m = 0; m < MS_MODES; m++) v[k][m] /= row[k];
+    for (int32_t i = k + 1; i < w->end[k]; i++)
+      for (int m = 0; m < MS_MODES; m++) v[i][m] -= row[i] * v[k][m];
   }
-  for (int32_t i = n - 1; i >= 0; i--) {
-    for (int m = 0; m < MS_MODES; m++) v[i][m] /= l[i * n + i];
-    for (int32_t k = 0; k < i; k++)
-      for (int m = 0; m < MS_MODES; m++) v[k][m] -= l[i * n + k] * v[i][m];
+  for (int32_t k = n - 1; k >= 0; k--) {
+    const double *row = w->u + k * n;
+    for (int32_t i = w->end[k] - 1; i > k; i--)
+      for (int m = 0; m < MS_MODES; m++) v[k][m] -= row[i] * v[i][m];
+    for (int m = 0; m < MS_MODES; m++) v[k][m] /= row[k];
   }
 }
 
@@ -87,42 +113,83 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
   }
 }
 
-/* v = the modes of the aggregate rows[0..n) */
-static void compute_modes(const workspace *w, const int32_t *rows, int32_t n) {
+/* w->v = the modes of the aggregate rows[0..n) */
+static void compute_modes(const modes_job *j, const int32_t *rows, int32_t n, workspace *w) {
   enum { ITERATIONS = 6 };
-  double(*v)[MS_MODES] = w->v;
-  factor_laplacian(n, assemble_laplacian(w, rows, n), w->l);
+  factor_laplacian(n, assemble_laplacian(j, rows, n, w), w);
   for (int32_t i = 0; i < n; i++) {
-    v[i][0] = 1;
+    w->v[i][0] = 1;
     for (int m = 1; m < MS_MODES; m++)
-      v[i][m] = ms_vector_random_entry((uint32_t)(MS_MODES * i + m));
+      w->v[i][m] = ms_vector_random_entry((uint32_t)(MS_MODES * i + m));
   }
-  orthonormalise(n, v);
+  orthonormalise(n, w->v);
   for (int round = 0; round < ITERATIONS; round++) {
-    solve_laplacian(w->l, n, v);
-    orthonormalise(n, v);
+    solve_laplacian(w, n);
+    orthonormalise(n, w->v);
+  }
+}
+
+/*------------------------------------- all aggregates -------------------------------------------*/
+
+/* The aggregates that one thread computes, with arrays of its own */
+typedef struct modes_share {
+  const modes_job *job;
+  int32_t begin, end;
+  workspace w;
+} modes_share;
+
+static void compute_share(void *data, int32_t item) {
+  modes_share *s = (modes_share *)data + item;
+  ms_aggregates *a = s->job->a;
+  for (int32_t k = s->begin; k < s->end; k++) {
+    const int32_t *rows = a->unknown + a->first[k], n = a->first[k + 1] - a->first[k];
+    compute_modes(s->job, rows, n, &s->w);
+    for (int32_t i = 0; i < n; i++)
+      for (int m = 0; m < MS_MODES; m++) a->weight[MS_MODES * rows[i] + m] = (float)s->w.v[i][m];
+  }
+}
+
+static int create_shares(const modes_job *j, int32_t n, modes_share *shares) {
+  const msim_allocator *alloc = &j->model->scene->alloc;
+  const size_t size = (size_t)j->largest;
+  int fits = 1;
+  for (int32_t i = 0; i < n && fits; i++) {
+    workspace *w = &shares[i].w;
+    shares[i].job = j;
+    shares[i].begin = (int32_t)((int64_t)j->a->n * i / n);
+    shares[i].end = (int32_t)((int64_t)j->a->n * (i + 1) / n);
+    fits = MS_NEW(alloc, w->u, size * size) && MS_NEW(alloc, w->v, size) &&
+           MS_NEW(alloc, w->end, size);
+  }
+  return fits;
+}
+
+static void destroy_shares(const msim_allocator *alloc, int32_t n, modes_share *shares) {
+  for (int32_t i = 0; shares && i < n; i++)
+    MS_FREE(alloc, shares[i].w.u, shares[i].w.v, shares[i].w.end);
+  ms_memory_free(alloc, shares);
+}
+
+static void number_members(modes_job *j) {
+  const ms_aggregates *a = j->a;
+  for (int32_t k = 0; k < a->n; k++) {
+    const int32_t n = a->first[k + 1] - a->first[k];
+    if (n > j->largest) j->largest = n;
+    for (int32_t i = 0; i < n; i++) j->local[a->unknown[a->first[k] + i]] = i;
   }
 }
 
 msim_status ms_modes_compute(const ms_model *model, const ms_incidence *graph, ms_aggregates *a,
                              msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  int32_t largest = 0;
-  for (int32_t k = 0; k < a->n; k++) {
-    const int32_t n = a->first[k + 1] - a->first[k];
-    if (n > largest) largest = n;
-  }
-  workspace w = {.graph = graph, .model = model, .of = a->of};
-  const int fits = MS_NEW(alloc, w.local, model->unknowns.nfree) &&
-                   MS_NEW(alloc, w.l, (size_t)largest * (size_t)largest) &&
-                   MS_NEW(alloc, w.v, largest);
-  for (int32_t k = 0; k < a->n && fits; k++) {
-    const int32_t *rows = a->unknown + a->first[k], n = a->first[k + 1] - a->first[k];
-    for (int32_t i = 0; i < n; i++) w.local[rows[i]] = i;
-    compute_modes(&w, rows, n);
-    for (int32_t i = 0; i < n; i++)
-      for (int m = 0; m < MS_MODES; m++) a->weight[MS_MODES * rows[i] + m] = (float)w.v[i][m];
-  }
-  MS_FREE(alloc, w.local, w.l, w.v);
+  const int32_t threads = ms_pool_thread_count(model->pool);
+  modes_job j = {.graph = graph, .model = model, .a = a};
+  modes_share *shares = NULL;
+  int fits = MS_NEW(alloc, j.local, model->unknowns.nfree) && MS_NEW(alloc, shares, threads);
+  if (fits) number_members(&j);
+  fits = fits && create_shares(&j, threads, shares);
+  if (fits) ms_pool_run(model->pool, compute_share, shares, threads);
+  destroy_shares(alloc, threads, shares);
+  ms_memory_free(alloc, j.local);
   return fits ? MSIM_OK : ms_error_set_memory(err, "the modes of the aggregates");
 }
