@@ -180,6 +180,19 @@ static inline ms_lanes ms_simd_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #endif
 }
 
+/* c - a b, rounded as ms_simd_fma */
+static inline ms_lanes ms_simd_fnma(ms_lanes a, ms_lanes b, ms_lanes c) {
+#if defined(__AVX512F__)
+  return _mm512_fnmadd_pd(a, b, c);
+#elif defined(__FMA__) && MS_LANES == 4
+  return _mm256_fnmadd_pd(a, b, c);
+#elif defined(__FMA__)
+  return ms_simd_fma(-a, b, c);
+#else
+  return c - a * b;
+#endif
+}
+
 /* sqrt(v), and *inverse = 1/sqrt(v) with an error of at most 1 unit in the last place with AVX-512,
  * else 1.5; v must be normal and > 0, or NaN.
  *

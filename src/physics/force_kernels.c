@@ -8,9 +8,11 @@
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
-/* What times d is the force of a spring (spring_law.h). l^2 is at least
+/* What times d is the force of a spring (spring_law.h), the same for -d and -dv. l^2 is at least
  * MS_MIN_LENGTH2, so that d = 0 has force 0. l is rounded as the rest lengths of the scene are (no
- * fused multiply-add): the force of a spring at rest length is exactly 0. */
+ * fused multiply-add): the force of a spring at rest length is exactly 0. The damping, c d.dv/l^2,
+ * is multiplied by 1/l last: little has to wait for the root and the division, so that those of
+ * more springs overlap. */
 MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
                                        const ms_half_edges *half_edges, size_t at) {
   ms_lanes l2 = d.c[0] * d.c[0], inverse;
@@ -19,9 +21,8 @@ MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, 
   const ms_lanes scale = MS_SPRING_FORCE_OVER_LENGTH(
       ms_simd_load(half_edges->k + at), ms_simd_load(half_edges->rest + at), l, inverse);
   if (!damped) return scale;
-  for (int c = 0; c < dims; c++) d.c[c] *= inverse;
-  return ms_simd_fma(ms_simd_load(half_edges->damping + at) * ms_dot_vec(dims, d, dv), inverse,
-                     scale);
+  const ms_lanes rate = ms_dot_vec(dims, d, dv), c = ms_simd_load(half_edges->damping + at);
+  return ms_simd_fma(MS_DASHPOT_FORCE(c, rate) * inverse, inverse, scale);
 }
 
 MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row, const double *x,
@@ -53,14 +54,13 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms
   const ms_lane_vectors vi = kind == DAMPED ? ms_load_own(dims, p, lane, v, stride) : xi;
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
     const size_t at = MS_SLICE * (size_t)entry + lane;
-    const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
-    const ms_lane_vectors vj =
-        kind == DAMPED ? ms_load_neighbours(dims, half_edges, entry, lane, v, stride) : vi;
-    const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi), dv = ms_subtract_vec(dims, vj, vi);
+    const ms_lane_vectors d = ms_subtract_neighbours(dims, half_edges, entry, lane, x, stride, xi);
+    const ms_lane_vectors dv =
+        kind == DAMPED ? ms_subtract_neighbours(dims, half_edges, entry, lane, v, stride, vi) : vi;
     const ms_lanes scale = kind == LINEAR
                                ? ms_simd_load(half_edges->k + at)
                                : spring_force_factor(dims, kind == DAMPED, d, dv, half_edges, at);
-    sum = ms_fma_vec(dims, scale, d, sum);
+    sum = ms_fnma_vec(dims, scale, d, sum);
   }
   return sum;
 }

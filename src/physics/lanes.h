@@ -26,6 +26,12 @@ MS_INLINE ms_lane_vectors ms_fma_vec(int dims, ms_lanes s, ms_lane_vectors d, ms
   return v;
 }
 
+/* v - s d */
+MS_INLINE ms_lane_vectors ms_fnma_vec(int dims, ms_lanes s, ms_lane_vectors d, ms_lane_vectors v) {
+  for (int c = 0; c < dims; c++) v.c[c] = ms_simd_fnma(s, d.c[c], v.c[c]);
+  return v;
+}
+
 MS_INLINE ms_lane_vectors ms_subtract_vec(int dims, ms_lane_vectors a, ms_lane_vectors b) {
   for (int c = 0; c < dims; c++) a.c[c] -= b.c[c];
   return a;
@@ -52,6 +58,19 @@ MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *half
   ms_lane_vectors v = {{{0}}};
   for (int c = 0; c < dims; c++) v.c[c] = ms_simd_gather(x + (size_t)c * stride, j);
   return v;
+}
+
+/* own - x of the neighbours in an entry. Consecutive rows are operands of the subtraction, which
+ * needs no register for them: a load that both cases share would. */
+MS_INLINE ms_lane_vectors ms_subtract_neighbours(int dims, const ms_half_edges *half_edges,
+                                                 int32_t entry, size_t lane, const double *x,
+                                                 size_t stride, ms_lane_vectors own) {
+  const int32_t start = half_edges->start[entry];
+  if (start >= 0)
+    return ms_subtract_vec(dims, own, ms_load_vec(dims, x + (size_t)start + lane, stride));
+  const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;
+  for (int c = 0; c < dims; c++) own.c[c] -= ms_simd_gather(x + (size_t)c * stride, j);
+  return own;
 }
 
 /* The rows of a slice range, and the destination of its sums. */
