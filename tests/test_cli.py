@@ -60,12 +60,19 @@ class Help(CliTest):
 
     def test_list(self):
         out = self.good("list")
-        for name in (*INTEGRATORS, "pcg", "cholmod", "klu", "sundials-pcg", "csv", "hdf5"):
+        for name in (*INTEGRATORS, "pcg", "cholmod", "klu", "sundials-pcg", "csv", "hdf5", "mpi"):
             self.assertRegex(out, rf"(?m)^  {name} ")
         self.assertRegex(out, r"(?m)^  verlet +2 +explicit ")
         self.assertRegex(out, r"(?m)^  linearly-implicit-euler +1 +implicit ")
         self.assertRegex(out, r"(?m)^  auto +- +- +chooses the least expensive")
         self.assertRegex(out, r"(?m)^  pcg +yes ")
+
+    def test_list_says_why_a_plugin_is_not_available(self):
+        support.require(re.search(r"(?m)^  mpi +yes +\S+.* \d", self.good("list")), "the plugin mpi")
+        (self.folder / "plugins").mkdir()
+        self.write("plugins/msim_comm_mpi.so", "none")
+        out = self.good("list", "--plugin_path", "plugins")
+        self.assertRegex(out, r"(?s)\n  mpi +no +communicator 'mpi':.*msim_comm_mpi\.so")
 
 
 class Refusals(CliTest):

@@ -202,15 +202,18 @@ typedef struct msim_plugin_entry {
   int32_t available;   /* 1: can be used on this machine */
 } msim_plugin_entry;
 
-/* Describe the i-th solver, recorder or importer (of scene files other than JSON), built in or
- * known by name; 0 past the end, or if entry->size is 0 (then err says so), else 1. This loads the
- * plugin. Nullable: plugin_path. */
+/* Describe the i-th solver, recorder, importer (of scene files other than JSON) or kind of
+ * communicator (see msim_comm_open), built in or known by name; 0 past the end, or if entry->size
+ * is 0 (then err says so), else 1. This loads the plugin, and opens no communicator. Nullable:
+ * plugin_path. */
 MSIM_API int32_t msim_solver_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                                   msim_error *err);
 MSIM_API int32_t msim_recorder_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                                     msim_error *err);
 MSIM_API int32_t msim_importer_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
                                     msim_error *err);
+MSIM_API int32_t msim_comm_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
+                                msim_error *err);
 
 /* Get the function table of the solver that option `solver` = name selects, and load its plugin,
  * for good. Plugin statuses; MSIM_ERR_NAME also for the built-in solvers, which have none.

@@ -30,6 +30,11 @@ static const ms_registry comms = {.kind = "comm",
                                   .linked = linked,
                                   .enter = enter};
 
+int32_t msim_comm_info(int32_t i, const char *plugin_path, msim_plugin_entry *entry,
+                       msim_error *err) {
+  return ms_registry_info(&comms, i, plugin_path, entry, err);
+}
+
 /*------------------------------------- check ----------------------------------------------------*/
 
 static const ms_registry_member required[] = {MS_REGISTRY_MEMBER(msim_comm, name),

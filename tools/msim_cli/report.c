@@ -195,5 +195,9 @@ int report_list(const arguments *args) {
       "\n"
       "Importers, chosen by the extension of the scene file, *.h5");
   list_plugins(msim_importer_info, NULL); /* scenes are read before there are options */
+  puts(
+      "\n"
+      "Communicators, chosen by the environment of mpirun");
+  list_plugins(msim_comm_info, args->options.plugin_path);
   return EXIT_OK;
 }
