@@ -320,6 +320,27 @@ static void sliding_costs_as_much_as_error_control(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Steps of velocity Verlet with impacts are of order 2 as all others, so that none is repeated:
+ * halves of h quarter the error, which the trial of the choice foresees. */
+static void impacts_of_verlet_are_not_repeated(void **state) {
+  (void)state;
+  msim_scene *scene = falling_block();
+  for (double tol = 1e-3; tol > 3e-6; tol /= 10) {
+    const msim_options opt = options_of("auto", tol, 0.1);
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    const msim_stats s = stats_of(sim);
+    assert_string_equal(sim->config.integrator->entry.name, "velocity-verlet");
+    assert_int_equal(sim->config.opt.collision, MSIM_COLLISION_EVENT);
+    assert_true(s.contacts > 50);
+    assert_int_equal(s.rejected_steps, 0);
+    assert_true(s.force_evaluations <= s.steps * sim->config.choice.substeps + 2);
+    msim_sim_destroy(sim);
+    assert_true(error_of(scene, tol, 0.1) <= 2);
+  }
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- planes ---------------------------------------------------*/
 
 /* A plane that is never reached changes no bit. */
@@ -440,6 +461,7 @@ int main(void) {
                                      cmocka_unit_test(choosing_costs_little),
                                      cmocka_unit_test(bursts_cost_as_much_as_error_control),
                                      cmocka_unit_test(sliding_costs_as_much_as_error_control),
+                                     cmocka_unit_test(impacts_of_verlet_are_not_repeated),
                                      cmocka_unit_test(far_planes_cost_nothing),
                                      cmocka_unit_test(a_plane_is_close_within_a_step),
                                      cmocka_unit_test(near_planes_count),
