@@ -137,9 +137,9 @@ static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, int64
   return MSIM_OK;
 }
 
-/* 1/60 of the run: a trial costs three times that. With planes 1/14, to pass the first impact. */
+/* 1/120 of the run: a trial costs three times that. With planes 1/14, to pass the first impact. */
 double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
-  const double SHARE = p->planes_count ? 1. / 14 : 1. / 60;
+  const double SHARE = p->planes_count ? 1. / 14 : 1. / 120;
   return fmax(1, round(SHARE * p->span / h));
 }
 
