@@ -2,7 +2,6 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
 
 #include "integrate/stiffness_partition.h"
 #include "contact/impact_location.h"
@@ -12,8 +11,9 @@
 #include "choose/pilot_run.h"
 #include "choose/rejection_reasons.h"
 
-/* The impacts of so many particles are few enough to be located one by one. */
-enum { FEW = 4 };
+/* The impacts of so many particles are few enough to be located one by one; steps of dop853 that
+ * show what its error control costs where no plane counts */
+enum { FEW = 4, CONTROLLED_STEPS = 16 };
 
 enum {
   LEAPFROG_METHOD,
@@ -92,14 +92,19 @@ static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
   c->cost_rate = c->step_cost / c->h + candidate_list[i].first / p->span;
 }
 
+/* The limit of stability that damping sets holds in every state; in most, error control takes steps
+ * two to three times as long. */
+static int is_limit_loose(const ms_pilot_run *p) { return p->damped && !p->planes_count; }
+
 /* The cost, and for an untried method 4 times that of its trial, which consists of m steps, 2 m
- * half steps and two starts: most savings turn out smaller than they seem. */
+ * half steps and two starts: most savings turn out smaller than they seem. Error control is tried
+ * first, as it keeps tol wherever the motion becomes rougher. */
 static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c) {
-  const double WORTH = 4;
-  if (c->tried || i == ERROR_CONTROLLED) return c->cost_rate;
+  if (c->tried || (i == ERROR_CONTROLLED && !is_limit_loose(p))) return c->cost_rate;
+  if (i == ERROR_CONTROLLED) return c->cost_rate + CONTROLLED_STEPS * c->step_cost / p->span;
   const double trial =
       3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) + 2 * candidate_list[i].first;
-  return c->cost_rate + WORTH * trial / p->span;
+  return c->cost_rate + 4 * trial / p->span;
 }
 
 static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
@@ -113,8 +118,9 @@ static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
                       .cost_rate = INFINITY,
                       .rejection = find_rejection(p, i)};
   if (c->step_cost == 0 || c->rejection) return;
-  c->h =
-      located && !controlled ? longest_to_locate(p, c->method) : longest_trial_step(p, c->method);
+  const double LOOSE = is_limit_loose(p) ? 2.5 : 1;
+  if (controlled) c->h = fmin(LOOSE * ms_pilot_run_stable_step(p, c->method), p->span / 10);
+  else c->h = located ? longest_to_locate(p, c->method) : longest_trial_step(p, c->method);
   set_cost(p, i, c);
 }
 
@@ -130,11 +136,10 @@ static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
 /* Errors of takahashi-imada depend more on fast modes than those of other methods, and fast modes
  * come later in a run: its error counts fourfold. */
 static msim_status measure_error(ms_pilot_run *p, ms_candidate *c, msim_error *err) {
-  const double ROUGHER = 4;
   const ms_trial trial = make_trial(p, c);
   double step_cost;
   msim_status status = ms_pilot_run_try_method(p, &trial, &c->error, &step_cost, err);
-  if (c->method == &ms_takahashi_imada) c->error *= ROUGHER;
+  if (c->method == &ms_takahashi_imada) c->error *= 4;
   if (c->collision == MSIM_COLLISION_EVENT) c->step_cost = fmax(c->step_cost, step_cost);
   return status;
 }
@@ -192,8 +197,8 @@ static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double 
  * than the best candidate so far would there; without planes its first steps are sufficient. Its
  * evaluations count more, as in `candidate_list`. */
 static msim_status try_controlled(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
-  const double SUMS = 13. / 12, SUFFICIENT = 16, t = fmax(p->duration, p->span / 16) / 4;
-  const double steps = p->planes_count ? INFINITY : SUFFICIENT;
+  const double SUMS = 13. / 12, t = fmax(p->duration, p->span / 16) / 4;
+  const double steps = p->planes_count ? INFINITY : CONTROLLED_STEPS;
   msim_sim *trial;
   msim_status status = create_trial_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
   if (status) return status;
