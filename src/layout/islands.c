@@ -31,7 +31,7 @@ static void join_corners(const ms_scene *s, int32_t e, int32_t *of) {
   for (int c = 0; c < 3; c++) {
     if (s->pinned[ijk[c]]) continue;
     if (of[ijk[c]] == NONE) of[ijk[c]] = ijk[c];
-    ms_components_join(of, first, ijk[c]);
+    ms_disjoint_sets_join(of, first, ijk[c]);
   }
 }
 
@@ -43,13 +43,13 @@ static void find_components(const ms_scene *s, int32_t *of) {
     const int32_t i = s->ij[2 * (size_t)e], j = s->ij[2 * (size_t)e + 1];
     if (!s->pinned[i] && of[i] == NONE) of[i] = i;
     if (!s->pinned[j] && of[j] == NONE) of[j] = j;
-    if (!s->pinned[i] && !s->pinned[j]) ms_components_join(of, i, j);
+    if (!s->pinned[i] && !s->pinned[j]) ms_disjoint_sets_join(of, i, j);
   }
   for (int32_t e = 0; e < s->angles.n; e++) join_corners(s, e, of);
   for (int32_t p = 0; p < s->nparticles; p++) {
     if (s->pinned[p]) continue;
     if (of[p] == NONE && first_loose == NONE) first_loose = p;
-    of[p] = of[p] == NONE ? first_loose : ms_components_find_root(of, p);
+    of[p] = of[p] == NONE ? first_loose : ms_disjoint_sets_find_root(of, p);
   }
 }
 
