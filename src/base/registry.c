@@ -20,9 +20,15 @@ static const void *pointer_at(const void *base, size_t offset) {
   return pointer;
 }
 
-static int has_text(const void *table, size_t offset, const char *text) {
+/* 1: the text at the offset is this word, or several of which it is one. */
+static int has_word(const void *table, size_t offset, const char *word) {
   const char *own = pointer_at(table, offset);
-  return own && strcmp(own, text) == 0;
+  while (own && *own) {
+    const size_t length = strcspn(own, " ");
+    if (length == strlen(word) && strncmp(own, word, length) == 0) return 1;
+    own += length + (own[length] == ' ');
+  }
+  return 0;
 }
 
 /* Nullable: name. */
@@ -60,7 +66,7 @@ static const char *known_name(int32_t i, const void *registry) {
 /* The known plugin with this text at the offset; NULL: none. */
 static const ms_registry_plugin *find_known(const ms_registry *r, size_t offset, const char *text) {
   for (const ms_registry_plugin *known = r->known; known->name; known++)
-    if (has_text(known, offset, text)) return known;
+    if (has_word(known, offset, text)) return known;
   return NULL;
 }
 
@@ -69,9 +75,9 @@ static const void *search_tables(const ms_registry *r, const void *own, size_t o
                                  const char *text) {
   const void *table;
   for (size_t i = 0; own && (table = pointer_at(own, i * sizeof table)) != NULL; i++)
-    if (has_text(table, offset, text)) return table;
+    if (has_word(table, offset, text)) return table;
   for (int32_t i = 0; (table = r->linked(i)) != NULL; i++)
-    if (has_text(table, offset, text)) return table;
+    if (has_word(table, offset, text)) return table;
   return NULL;
 }
 
@@ -132,7 +138,7 @@ static msim_status find_table(const ms_registry *r, table_key key,
   if (*table) return check_table(r, NULL, *table, label, err);
   msim_status status = load_table(r, key.name, sources->plugin_path, table, where, err);
   if (!status) status = check_table(r, key.name, *table, where->data, err);
-  if (status || !key.extension || has_text(*table, r->extension, key.extension)) return status;
+  if (status || !key.extension || has_word(*table, r->extension, key.extension)) return status;
   return ms_error_set(err, MSIM_ERR_NAME, "%s is for files *%s, not *%s", where->data,
                       (const char *)pointer_at(*table, r->extension), key.extension);
 }
@@ -143,20 +149,37 @@ static const char *extension_of(const char *path) {
   return dot && !strchr(dot, '/') ? dot : NULL;
 }
 
-static const ms_registry_plugin *find_known_for(const ms_registry *r, const char *extension) {
-  return extension ? find_known(r, offsetof(ms_registry_plugin, extension), extension) : NULL;
+/* An extension in lower case: many programs write CUBE.STL. */
+typedef struct lower_case {
+  char text[16];
+} lower_case;
+
+static lower_case to_lower_case(const char *extension) {
+  lower_case lower = {""};
+  for (size_t i = 0; extension[i] && i + 1 < sizeof lower.text; i++) {
+    const char c = extension[i];
+    lower.text[i] = (char)(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  }
+  return lower;
 }
 
 int ms_registry_knows(const ms_registry *r, const char *path) {
-  return find_known_for(r, extension_of(path)) != NULL;
+  const char *extension = extension_of(path);
+  return extension &&
+         find_known(r, offsetof(ms_registry_plugin, extension), to_lower_case(extension).text);
 }
 
 msim_status ms_registry_find(const ms_registry *r, const char *name,
                              const ms_registry_sources *sources, const void **table,
                              msim_error *err) {
   const char *extension = r->extension ? extension_of(name) : NULL;
-  const ms_registry_plugin *known = find_known_for(r, extension);
-  const table_key key = {known ? known->name : extension ? extension + 1 : name, extension};
+  const lower_case lower = to_lower_case(extension ? extension : "");
+  const ms_registry_plugin *known =
+      extension ? find_known(r, offsetof(ms_registry_plugin, extension), lower.text) : NULL;
+  const table_key key = {known       ? known->name
+                         : extension ? extension + 1
+                                     : name,
+                         known ? lower.text : extension};
   ms_text where = {.alloc = sources->alloc};
   *table = NULL;
   if (r->extension && !extension)

@@ -9,7 +9,8 @@
 
 /* A plugin that msim documents: it is listed, and files with its extension are its own. */
 typedef struct ms_registry_plugin {
-  const char *name, *extension; /* extension: with the dot; NULL: it is found by name only */
+  const char *name, *extension; /* extension: with the dot, lower case; several with a space
+                                   between; NULL: it is found by name only */
   const char *plugin;         /* its packages are libmsim0-PLUGIN (Debian), libmsim-PLUGIN (conda);
                                    NULL: it is built in, or part of msim */
   const char *debian, *conda; /* the packages from which it is built, a space between; conda: NULL
@@ -31,7 +32,8 @@ typedef struct ms_registry {
   const char *noun; /* its name in messages */
   uint32_t abi;
   size_t least_size;                  /* of the first version of the table */
-  size_t library, license, extension; /* offsets of these members; 0: tables have none */
+  size_t library, license, extension; /* offsets of these members; 0: tables have none; extension
+                                         as in ms_registry_plugin */
   const ms_registry_plugin *known;    /* ends with a NULL name */
   const ms_registry_member *required; /* pointers that must not be NULL; ends with a NULL name */
   const void *(*linked)(int32_t i);   /* the i-th table linked in, NULL past the end */
