@@ -188,9 +188,10 @@ static const struct {
     {"object_no_type", "objects[0].type is missing"},
     {"object_type_number", "objects[0].type is 1; it must be"},
     {"object_unknown_type",
-     "objects[0].type is \"clot\"; it must be \"rope\", \"cloth\" or \"lattice\" (did you mean "
-     "'cloth'?)"},
-    {"object_mesh", "objects[0].type is \"mesh\", which this version does not support"},
+     "objects[0].type is \"clot\"; it must be \"rope\", \"cloth\", \"lattice\" or \"mesh\" (did "
+     "you "
+     "mean 'cloth'?)"},
+    {"object_mesh", "objects[0].mass is missing; it must be a finite number > 0"},
     {"object_unknown_key", "objects[0].lenght is an unknown key"},
     {"second_object", "objects[1].k is -1; it must be a finite number >= 0"},
     {"rope_no_n", "objects[0].n is missing"},

@@ -295,7 +295,7 @@ static void limits_hold_for_the_whole_scene(void **state) {
   msim_scene_destroy(s);
   s = started();
   assert_refused(s, msim_scene_add_rope(s, &rope, err),
-                 "rope.n adds 715827882 particles to 1; the limit is 715827882");
+                 "rope adds 715827882 particles to 1; the limit is 715827882");
   msim_scene_destroy(s);
 }
 

@@ -11,11 +11,15 @@
  *     cc -shared -fPIC -DMSIM_PLUGIN $(pkg-config --cflags msim) net.c -o msim_importer_net.so
  *     MSIM_PLUGIN_PATH=$PWD msim_cli run scene.net
  *
- * Only the plugins of msim itself have other names: hdf5 reads *.h5. Files *.json are always JSON.
+ * Only the plugins of msim itself have other names: hdf5 reads *.h5, and assimp the meshes *.obj,
+ * *.stl, *.ply, *.gltf and *.glb. Files *.json are always JSON.
  *
  * In every format a scene file is a tree. The path of a node is the sequence of its keys in the
  * JSON form, with '/' between them: "particles/x"; the i-th element of a list of objects has the
  * key i: "planes/0/normal". Only the host interprets and validates keys and values.
+ *
+ * A file to which `file` of an object of type mesh refers has two nodes instead: `vertices`, n x 3
+ * real numbers, and `faces`, m x 3 whole numbers: the corners of triangles, counted from 0.
  */
 #ifndef MSIM_IMPORTER_H
 #define MSIM_IMPORTER_H
@@ -60,7 +64,7 @@ typedef struct msim_importer {
   uint32_t abi;          /* MSIM_IMPORTER_ABI */
   uint32_t size;         /* sizeof(msim_importer) */
   const char *name;      /* [a-z0-9_-]+ */
-  const char *extension; /* of its files, with the dot: "." and the name */
+  const char *extension; /* of its files, with the dot: "." and the name; several: ".obj .ply" */
   const char *library;   /* the library behind it, with its version */
   const char *license;   /* of that library, SPDX */
 

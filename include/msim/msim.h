@@ -1,5 +1,5 @@
 /* msim.h - the public API of msim, a library that simulates mass-spring systems. Include this
- * header; it includes scene.h and options.h.
+ * header; it includes scene.h, mesh.h and options.h.
  *
  * There are two kinds of objects: a scene (the mechanical model) and a sim (its motion). Build a
  * scene, create a sim from it, step the sim, read its state:
@@ -55,6 +55,7 @@
 #ifndef MSIM_MSIM_H
 #define MSIM_MSIM_H
 
+#include "msim/mesh.h"
 #include "msim/options.h"
 
 #ifdef __cplusplus

@@ -316,20 +316,20 @@ MSIM_API msim_status msim_scene_create(const msim_allocator *alloc, msim_scene *
 /* Read a scene file. The extension selects the importer: .h5 (plugin hdf5), or the plugin with the
  * name of the extension, see importer.h, in the folders of MSIM_PLUGIN_PATH or of msim. All other
  * files are JSON. Errors name the file and the line or key: MSIM_ERR_IO (cannot be read),
- * MSIM_ERR_ARG (cannot be a scene), MSIM_ERR_UNSUPPORTED (an object of type mesh); plugin statuses.
- * *scene is NULL then. Nullable: alloc. */
+ * MSIM_ERR_ARG (cannot be a scene); plugin statuses. *scene is NULL then. Nullable: alloc. */
 MSIM_API msim_status msim_scene_load(const msim_allocator *alloc, const char *path,
                                      msim_scene **scene, msim_error *err);
 
-/* The same from memory; `label` replaces the file name in error messages. Nullable: alloc. */
+/* The same from memory; `label` replaces the file name in error messages, and files of meshes are
+ * relative to its folder. Nullable: alloc. */
 MSIM_API msim_status msim_scene_parse(const msim_allocator *alloc, const char *label,
                                       const char *text, size_t length, msim_scene **scene,
                                       msim_error *err);
 
 /* Write the scene to a scene file in the format given by the extension, as above. Every number is
- * exact. JSON that was read and not changed since is written as it was; else objects are expanded
- * into particles and springs. MSIM_ERR_IO: cannot be written, and an older file of that name is as
- * it was; plugin statuses. */
+ * exact. JSON that was read, was not changed since and refers to no file of a mesh is written as it
+ * was; else objects are expanded into particles and springs. MSIM_ERR_IO: cannot be written, and an
+ * older file of that name is as it was; plugin statuses. */
 MSIM_API msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err);
 
 /* Sims made from the scene are not affected. Nullable: scene. */

@@ -140,8 +140,13 @@ static void put_type_names(writer *w, ms_key_form form, const char *separator, c
     put(w, "%s%s%s%s", i ? separator : "", quote, name, quote);
 }
 
-static void put_parts(writer *w, const ms_object_member *m) {
+/* A number, or an object of numbers, or a flag */
+static void put_alternatives(writer *w, const ms_object_member *m) {
   const char *each = number_schema(m->key.range);
+  if (m->key.form == MS_FLAG_OR_NUMBER) {
+    put(w, "\"anyOf\": [{\"type\": \"boolean\"}, {%s}]", each);
+    return;
+  }
   put(w, "\"anyOf\": [{%s}, {\"type\": \"object\", \"additionalProperties\": false, ", each);
   put(w, "\"properties\": {");
   for (int32_t i = 0; i < m->key.count; i++)
@@ -183,7 +188,8 @@ static void put_form(writer *w, const ms_scene_key *key, const ms_object_member 
       put_rows(w, index_schema, key->count);
       break;
     case MS_NUMBER_OR_PARTS:
-      if (m) put_parts(w, m); /* only members of objects have parts */
+    case MS_FLAG_OR_NUMBER:
+      if (m) put_alternatives(w, m); /* of members of objects only */
       break;
     case MS_VERSION:
       put(w, "\"const\": 1");
@@ -229,6 +235,7 @@ static void put_values(writer *w, const ms_scene_key *key, const ms_object_membe
   else if (key->form == MS_NUMBER_OR_PARTS)
     put(w, "%s for all, or an object with %s, %s and %s", range, m->parts[0], m->parts[1],
         m->parts[2]);
+  else if (key->form == MS_FLAG_OR_NUMBER) put(w, "true, false or %s", range);
   else put(w, "%s", words[key->form]);
   if (key->form == MS_NAMED_INDICES) put_particle_names(w, ", ", "");
   if (key->form == MS_TYPE || key->form == MS_LAW_TYPE || key->form == MS_COLLIDER_TYPE)

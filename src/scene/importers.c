@@ -18,6 +18,11 @@ static const ms_registry_plugin known[] = {{.name = "hdf5",
                                             .plugin = "hdf5",
                                             .debian = "libhdf5-dev",
                                             .conda = "hdf5"},
+                                           {.name = "assimp",
+                                            .extension = ".obj .stl .ply .gltf .glb",
+                                            .plugin = "assimp",
+                                            .debian = "libassimp-dev",
+                                            .conda = "assimp"},
                                            {NULL}};
 
 #define MEMBER(member) \

@@ -11,8 +11,9 @@ typedef struct ms_json_reader {
   msim_allocator alloc;
   msim_scene *scene; /* scene under construction */
   msim_error *err;
-  ms_grid *grids; /* of `objects`; their springs are added after all particles */
-  int32_t ngrids;
+  ms_shape *shapes; /* of `objects`; their springs are added after all particles */
+  int32_t nshapes;
+  int has_files; /* 1: an object refers to another file */
 } ms_json_reader;
 
 /* A key path and, if they are >= 0, one or two indices: "springs.ij[3][1]". */

@@ -155,6 +155,7 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
   c->nplanes = s->nplanes;
   c->external = s->external;
+  c->repairs = s->repairs;
   if (!ms_laws_copy(s, c) || !ms_scene_angles_copy(s, c) || !ms_scene_copy_function(s, c)) {
     ms_scene_release(c);
     ms_error_set_memory(err, "a copy of the scene");

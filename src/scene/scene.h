@@ -10,6 +10,7 @@
 #include <stdatomic.h>
 
 #include "base/text.h"
+#include "msim/mesh.h"
 #include "scene/collider_motions.h"
 #include "scene/colliders.h"
 #include "scene/scene_keys.h"
@@ -76,6 +77,8 @@ typedef struct ms_scene {
   ms_run_option *run;
 
   ms_external external;
+
+  msim_mesh_repairs repairs; /* of all its meshes */
 } ms_scene;
 
 struct msim_scene {

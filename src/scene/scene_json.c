@@ -267,9 +267,11 @@ static msim_status read_root(ms_json_reader *r, ms_value root) {
   return status;
 }
 
-/* Store the text from which the new scene was read. */
+/* Store the text from which the new scene was read, unless it is not the whole scene: saved in
+ * another folder it would refer to no file, or to another one. */
 static msim_status store_source(ms_json_reader *r, const char *text, size_t length) {
   ms_scene *s = r->scene->data;
+  if (r->has_files) return MSIM_OK;
   s->source = ms_memory_allocate(&s->alloc, length + 1, 1);
   if (!s->source) return ms_json_fail_memory(r);
   memcpy(s->source, text, length);
@@ -281,7 +283,9 @@ msim_status ms_json_build_scene(ms_json_reader *r, ms_value root) {
       ms_json_forward_error(r, "", msim_scene_create(&r->alloc, &r->scene, r->err));
   if (status) return status;
   status = read_root(r, root);
-  ms_memory_free(&r->alloc, r->grids);
+  for (int32_t i = 0; i < r->nshapes && r->shapes; i++)
+    ms_objects_free_shape(&r->alloc, &r->shapes[i]);
+  ms_memory_free(&r->alloc, r->shapes);
   if (!status) return MSIM_OK;
   msim_scene_destroy(r->scene);
   r->scene = NULL;

@@ -33,9 +33,10 @@ typedef enum ms_key_form {
   MS_TYPE,    /* of an object */
   MS_LAW_TYPE,
   MS_COLLIDER_TYPE,
-  MS_FLAG,    /* true or false; 0 or 1 in files of importers */
-  MS_SECTION, /* an object */
-  MS_LIST     /* an array of objects */
+  MS_FLAG,           /* true or false; 0 or 1 in files of importers */
+  MS_FLAG_OR_NUMBER, /* true, false or a number; "true" in files of importers */
+  MS_SECTION,        /* an object */
+  MS_LIST            /* an array of objects */
 } ms_key_form;
 
 typedef struct ms_scene_key {

@@ -17,8 +17,8 @@ import yaml
 
 RECIPE = support.SOURCE / "packaging/conda"
 WORK = support.SOURCE / "build/recipes/conda"
-OUTPUTS = ["libmsim", "libmsim-cholmod", "libmsim-hdf5", "libmsim-klu", "libmsim-sundials", "msim",
-           "py-msim"]
+OUTPUTS = ["libmsim", "libmsim-assimp", "libmsim-cholmod", "libmsim-hdf5", "libmsim-klu",
+           "libmsim-sundials", "msim", "py-msim"]
 
 
 def project_version():

@@ -12,8 +12,8 @@ from pathlib import Path
 TOP = Path(__file__).resolve().parent.parent.parent
 ROOT = TOP / "build" / "debian-root"
 PACKAGES = sorted((TOP / "build" / "packages").glob("*.deb"))
-NAMES = ["libmsim-dev", "libmsim0", "libmsim0-cholmod", "libmsim0-hdf5", "libmsim0-klu",
-         "libmsim0-mpi", "libmsim0-petsc", "libmsim0-sundials", "msim"]
+NAMES = ["libmsim-dev", "libmsim0", "libmsim0-assimp", "libmsim0-cholmod", "libmsim0-hdf5",
+         "libmsim0-klu", "libmsim0-mpi", "libmsim0-petsc", "libmsim0-sundials", "msim"]
 PLUGINS = {"cholmod": "--solver cholmod --out a.csv", "hdf5": "--solver pcg --out a.vtkhdf",
            "klu": "--solver klu --out a.csv", "petsc": "--solver petsc --out a.csv",
            "sundials": "--solver sundials-pcg --out a.csv"}

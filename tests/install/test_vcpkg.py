@@ -15,7 +15,7 @@ HERE = Path(__file__).resolve().parent
 PORT = support.SOURCE / "packaging/vcpkg/msim"
 WORK = support.SOURCE / "build/recipes/vcpkg"
 MANIFEST = json.loads((PORT / "vcpkg.json").read_text())
-PLUGINS = {"cholmod", "hdf5", "klu", "sundials"}
+PLUGINS = {"assimp", "cholmod", "hdf5", "klu", "sundials"}
 
 
 def build_port(linkage, *features):

@@ -106,12 +106,14 @@ function(msim_find_petsc)
   msim_bundle(petsc libpetsc mpi)
 endfunction()
 
-# msim_find(NAMES...)   NAME: jansson, cholmod, hdf5, klu, mpi, petsc, or of SUNDIALS' solvers
+# msim_find(NAMES...)   NAME: jansson, assimp, cholmod, hdf5, klu, mpi, petsc, or of SUNDIALS' solvers
 function(msim_find)
   foreach(name IN LISTS ARGN)
     if(name STREQUAL "cholmod")
       msim_library(cholmod cholmod.h suitesparse cholmod)
       msim_behind(cholmod ccolamd camd colamd amd suitesparseconfig)
+    elseif(name STREQUAL "assimp")
+      msim_library(assimp assimp/cimport.h "" assimp)
     elseif(name STREQUAL "hdf5")
       # The serial flavour. Debian keeps it beside one for MPI, which `pkg-config hdf5` may mean.
       msim_library(hdf5 hdf5.h hdf5/serial hdf5_serial hdf5)

@@ -9,6 +9,7 @@
 #include "comparison.h"
 #include "completion.h"
 #include "help.h"
+#include "mesh_note.h"
 #include "ranks.h"
 #include "report.h"
 #include "run.h"
@@ -22,6 +23,8 @@ static int explain_command(const arguments *args) {
   msim_error err;
   const char *text;
   int status = setup_load(args, &made);
+  const mesh_note note = status ? (mesh_note){""} : mesh_note_make(made.scene);
+  if (*note.text) report_error("note: %s", note.text);
   if (!status && !made.options.integrator) status = comparison_print(&made);
   else if (!status) {
     msim_status made_sim = msim_sim_create(made.scene, &made.options, &sim, &err);

@@ -11,6 +11,7 @@
 #include "../common/files.h"
 #include "../common/message.h"
 #include "final.h"
+#include "mesh_note.h"
 #include "progress.h"
 #include "ranks.h"
 #include "report.h"
@@ -73,6 +74,11 @@ static void print_note(const char *text, void *user) {
   r->report.notes++;
 }
 
+static void note_meshes(run *r) {
+  const mesh_note note = mesh_note_make(r->made.scene);
+  if (*note.text && ranks_has_files()) print_note(note.text, r);
+}
+
 /* Find the last step; the plan counts from the first state. */
 static void find_end(run *r) {
   msim_plan plan = {.size = sizeof plan};
@@ -105,6 +111,7 @@ static int make_sim(run *r) {
   if (!args->quiet) {
     options->warn = print_note;
     options->warn_user = r;
+    note_meshes(r);
   }
   msim_status status = msim_sim_create(r->made.scene, options, &r->sim, &err);
   if (status) return setup_report_error(status, &err);

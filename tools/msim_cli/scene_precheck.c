@@ -1,7 +1,9 @@
 #define _POSIX_C_SOURCE 200809L /* fork, strsignal */
 #include "scene_precheck.h"
 
+#include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -9,8 +11,22 @@
 #include "../common/message.h"
 #include "msim/msim.h"
 
+/* 1: the text "mesh" occurs in the file, with its quotes. A pipe can be read only once. */
+static int mentions_mesh(const char *path) {
+  static const char word[] = "\"mesh\"";
+  struct stat info;
+  if (stat(path, &info) || !S_ISREG(info.st_mode)) return 0;
+  FILE *file = fopen(path, "rb");
+  size_t matched = 0;
+  for (int c; file && word[matched] && (c = getc(file)) != EOF;)
+    matched = c == word[matched] ? matched + 1 : c == '"';
+  if (file) fclose(file);
+  return !word[matched];
+}
+
 int precheck_scene(const char *path) {
-  if (!has_extension(path, ".h5")) return EXIT_OK;
+  const int is_hdf5 = has_extension(path, ".h5");
+  if (!is_hdf5 && !mentions_mesh(path)) return EXIT_OK;
   const pid_t child = fork();
   if (child == 0) {
     msim_scene *scene;
@@ -19,6 +35,7 @@ int precheck_scene(const char *path) {
   }
   int how = 0;
   if (child < 0 || waitpid(child, &how, 0) != child || !WIFSIGNALED(how)) return EXIT_OK;
-  return report_error("%s: libhdf5 crashed while reading it (%s): the file is damaged or malicious",
-                      path, strsignal(WTERMSIG(how)));
+  return report_error("%s: %s crashed while reading it (%s): the file is damaged or malicious",
+                      path, is_hdf5 ? "libhdf5" : "Assimp, on a mesh of this scene,",
+                      strsignal(WTERMSIG(how)));
 }

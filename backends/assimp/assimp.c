@@ -1,0 +1,180 @@
+/* assimp - the importer plugin `assimp`, which reads meshes in OBJ, STL, PLY and glTF files
+ *
+ * All triangles and polygons of a file are one mesh, at the places to which the nodes of a glTF
+ * scene move them; polygons are cut into triangles, points and lines are left out. Vertices are in
+ * the order of the file in PLY and glTF, and in that in which faces use them first in OBJ and STL.
+ * Coordinates have the single precision of libassimp.
+ *
+ * Files may refer to others in their own folder, which are read: the buffers of glTF. libassimp has
+ * one text for errors in all threads, hence the lock; damaged files may crash it. */
+#define _POSIX_C_SOURCE 200809L /* stat */
+#include <errno.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include <assimp/cimport.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+#include <assimp/version.h>
+
+#include "msim/importer.h"
+
+/*------------------------------------- nodes ----------------------------------------------------*/
+
+/* Where the vertices and faces of all nodes go; NULL: they are only counted. */
+typedef struct arrays {
+  double *vertices;
+  int64_t *faces;
+  int64_t nvertices, nfaces;
+} arrays;
+
+/* The deepest node to follow */
+enum { MOST_DEPTH = 256 };
+
+/* c = a b, of affine transformations (the fourth row is 0 0 0 1) */
+static void multiply(const double a[12], const struct aiMatrix4x4 *b, double c[12]) {
+  const double rows[3][4] = {{(double)b->a1, (double)b->a2, (double)b->a3, (double)b->a4},
+                             {(double)b->b1, (double)b->b2, (double)b->b3, (double)b->b4},
+                             {(double)b->c1, (double)b->c2, (double)b->c3, (double)b->c4}};
+  for (int i = 0; i < 3; i++)
+    for (int j = 0; j < 4; j++) {
+      c[4 * i + j] = j == 3 ? a[4 * i + 3] : 0;
+      for (int k = 0; k < 3; k++) c[4 * i + j] += a[4 * i + k] * rows[k][j];
+    }
+}
+
+static double determinant(const double t[12]) {
+  return t[0] * (t[5] * t[10] - t[6] * t[9]) - t[1] * (t[4] * t[10] - t[6] * t[8]) +
+         t[2] * (t[4] * t[9] - t[5] * t[8]);
+}
+
+static void add_vertices(const struct aiMesh *mesh, const double t[12], arrays *to) {
+  double *x = to->vertices + 3 * to->nvertices;
+  for (unsigned v = 0; v < mesh->mNumVertices; v++)
+    for (int i = 0; i < 3; i++)
+      *x++ = t[4 * i] * (double)mesh->mVertices[v].x + t[4 * i + 1] * (double)mesh->mVertices[v].y +
+             t[4 * i + 2] * (double)mesh->mVertices[v].z + t[4 * i + 3];
+}
+
+/* A mirrored node has its faces turned, so that they are seen from the same side. */
+static void add_mesh(const struct aiMesh *mesh, const double t[12], arrays *to) {
+  const int second = determinant(t) < 0 ? 2 : 1;
+  if (to->vertices) add_vertices(mesh, t, to);
+  for (unsigned f = 0; f < mesh->mNumFaces; f++) {
+    const struct aiFace *face = &mesh->mFaces[f];
+    if (face->mNumIndices != 3) continue; /* a point or a line */
+    int64_t *corner = to->faces ? to->faces + 3 * to->nfaces : NULL;
+    to->nfaces++;
+    if (!corner) continue;
+    corner[0] = to->nvertices + face->mIndices[0];
+    corner[second] = to->nvertices + face->mIndices[1];
+    corner[3 - second] = to->nvertices + face->mIndices[2];
+  }
+  to->nvertices += mesh->mNumVertices;
+}
+
+static msim_status add_node(const msim_host *host, const struct aiScene *scene,
+                            const struct aiNode *node, const double parent[12], int depth,
+                            arrays *to) {
+  double t[12];
+  msim_status status = MSIM_OK;
+  if (depth > MOST_DEPTH) {
+    host->fail(host, "its nodes are nested more than %d times", MOST_DEPTH);
+    return MSIM_ERR_ARG;
+  }
+  multiply(parent, &node->mTransformation, t);
+  for (unsigned m = 0; m < node->mNumMeshes; m++) add_mesh(scene->mMeshes[node->mMeshes[m]], t, to);
+  for (unsigned c = 0; c < node->mNumChildren && !status; c++)
+    status = add_node(host, scene, node->mChildren[c], t, depth + 1, to);
+  return status;
+}
+
+static msim_status add_scene(const msim_host *host, const struct aiScene *scene, arrays *to) {
+  static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+  to->nvertices = to->nfaces = 0;
+  return add_node(host, scene, scene->mRootNode, identity, 0, to);
+}
+
+/*------------------------------------- files ----------------------------------------------------*/
+
+static msim_status announce(const msim_tree *tree, const char *path, int32_t kind, int64_t rows,
+                            void **room) {
+  const msim_node node = {sizeof node, path, kind, 2, {rows, 3}, NULL};
+  return tree->add(tree, &node, room);
+}
+
+static msim_status add_arrays(const msim_host *host, const struct aiScene *scene,
+                              const msim_tree *tree) {
+  arrays to = {NULL};
+  void *vertices, *faces;
+  msim_status status = add_scene(host, scene, &to);
+  if (!status && to.nfaces == 0) {
+    host->fail(host, "it contains no faces");
+    return MSIM_ERR_ARG;
+  }
+  if (!status) status = announce(tree, "vertices", MSIM_NODE_REAL, to.nvertices, &vertices);
+  if (!status) status = announce(tree, "faces", MSIM_NODE_WHOLE, to.nfaces, &faces);
+  if (status) return status;
+  to.vertices = vertices, to.faces = faces;
+  return add_scene(host, scene, &to);
+}
+
+/* libassimp would try to read a folder, or a device without end. */
+static msim_status check_file(const msim_host *host, const char *path) {
+  struct stat info;
+  if (stat(path, &info) == 0 && S_ISREG(info.st_mode)) return MSIM_OK;
+  const int number = errno;
+  if (stat(path, &info) == 0) host->fail(host, "it is not a file");
+  else host->fail(host, "cannot be read: %s", strerror(number));
+  return MSIM_ERR_IO;
+}
+
+static msim_status load(const msim_host *host, const char *path, const msim_tree *tree) {
+  msim_status status = check_file(host, path);
+  if (status) return status;
+  host->lock(host);
+  const struct aiScene *scene = aiImportFile(path, aiProcess_Triangulate);
+  if (!scene) {
+    host->fail(host, "libassimp cannot read it: %s", aiGetErrorString());
+    status = MSIM_ERR_ARG;
+  }
+  host->unlock(host);
+  if (status) return status;
+  if (scene->mRootNode) status = add_arrays(host, scene, tree);
+  else {
+    host->fail(host, "it contains no nodes");
+    status = MSIM_ERR_ARG;
+  }
+  aiReleaseImport(scene);
+  return status;
+}
+
+static msim_status save(const msim_host *host, const char *path, int32_t n,
+                        const msim_node *nodes) {
+  (void)path, (void)n, (void)nodes;
+  host->fail(host, "meshes have no masses and springs; save the scene as *.json or *.h5");
+  return MSIM_ERR_UNSUPPORTED;
+}
+
+/* Its headers do not have the version. */
+static char version[32];
+static void set_version(void) {
+  snprintf(version, sizeof version, "Assimp %u.%u.%u", aiGetVersionMajor(), aiGetVersionMinor(),
+           aiGetVersionPatch());
+}
+
+MSIM_IMPORTER_ENTRY(assimp) {
+  static pthread_once_t once = PTHREAD_ONCE_INIT;
+  static const msim_importer table = {.abi = MSIM_IMPORTER_ABI,
+                                      .size = sizeof table,
+                                      .name = "assimp",
+                                      .extension = ".obj .stl .ply .gltf .glb",
+                                      .library = version,
+                                      .license = "BSD-3-Clause",
+                                      .load = load,
+                                      .save = save};
+  pthread_once(&once, set_version);
+  return &table;
+}
