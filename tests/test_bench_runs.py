@@ -125,6 +125,17 @@ class Scaling(BenchTest):
         self.assertAlmostEqual(summary["iterations_growth_k_to_100k"], stiff / soft)
         self.assertIn("iterations_growth_k_to_100k", out)
 
+    def test_keys_of_a_large_cloth(self):
+        out = self.good("scaling", "--quick", "--scene", "cloth500", "--threads", "2", "--json",
+                        "out.json")
+        summary = self.result()["summary"]
+        self.assertEqual(set(summary), {"time_per_particle_growth_cloth64_to_cloth500",
+                                        "pcg_iteration_triad_fraction_cloth500",
+                                        "two_threads_implicit_cloth500"})
+        for key, value in summary.items():  # null: the machine was too busy for its steps
+            self.assertTrue(value is None or value > 0, key)
+        self.check_printed(summary, out)
+
     def check_row(self, row, particles, threads):
         self.assertEqual(row["particles"], particles)
         self.assertAlmostEqual(row["h"], 1 / 60)

@@ -10,11 +10,11 @@
 
 const bench_scene *scene_info(int i) {
   static const bench_scene scenes[] = {
-      {"cloth32", 32, 0, 0},   {"cloth64", 64, 0, 0},   {"cloth100", 100, 0, 0},
-      {"cloth200", 200, 0, 0}, {"cloth316", 316, 0, 0}, {"cloth500", 500, 0, 0},
-      {"jelly8", 8, 1, 0},     {"jelly16", 16, 1, 0},   {"jelly24", 24, 1, 0},
-      {"jelly32", 32, 1, 0},   {"jelly46", 46, 1, 0},   {"mesh100", 100, 0, 1},
-      {"mesh500", 500, 0, 1},
+      {"cloth32", 32, 0, 0},     {"cloth64", 64, 0, 0},   {"cloth100", 100, 0, 0},
+      {"cloth200", 200, 0, 0},   {"cloth316", 316, 0, 0}, {"cloth500", 500, 0, 0},
+      {"cloth1000", 1000, 0, 0}, {"jelly8", 8, 1, 0},     {"jelly16", 16, 1, 0},
+      {"jelly24", 24, 1, 0},     {"jelly32", 32, 1, 0},   {"jelly46", 46, 1, 0},
+      {"mesh100", 100, 0, 1},    {"mesh500", 500, 0, 1},
   };
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
 }
@@ -66,9 +66,11 @@ static msim_status add_jelly(moving_scene *m) {
   return status;
 }
 
-static msim_status build_moving_scene(moving_scene *m) {
+msim_status moving_scene_build(const bench_scene *kind, double k, const msim_allocator *alloc,
+                               moving_scene *m) {
   const double gravity[3] = {0, 0, -9.81};
-  msim_status status = msim_scene_create(NULL, &m->scene, &m->err);
+  *m = (moving_scene){.kind = kind, .k = k, .threads = 1};
+  msim_status status = msim_scene_create(alloc, &m->scene, &m->err);
   if (!status) status = msim_scene_set_gravity(m->scene, gravity, &m->err);
   if (!status && m->kind->random) status = random_mesh_add(m->scene, m->kind->side, m->k, &m->err);
   else if (!status) status = m->kind->solid ? add_jelly(m) : add_bench_cloth(m);
@@ -129,10 +131,11 @@ int moving_scene_create(const bench_scene *kind, double k, int32_t threads, doub
                         double until, moving_scene *m) {
   const msim_options options = implicit_options(1.0 / 120, 1e-6, "auto", threads);
   msim_sim *sim = NULL;
-  *m = (moving_scene){.kind = kind, .k = k, .threads = threads};
   msim_state state = {.size = sizeof state};
-  int made = !build_moving_scene(m) && !msim_sim_create(m->scene, &options, &sim, &m->err) &&
+  int made = !moving_scene_build(kind, k, NULL, m) &&
+             !msim_sim_create(m->scene, &options, &sim, &m->err) &&
              advance_scene(sim, seconds, until, &m->err);
+  m->threads = threads;
   if (made) msim_sim_state(sim, &state);
   made = made && keep_state(&state, m);
   msim_sim_destroy(sim);
@@ -140,8 +143,7 @@ int moving_scene_create(const bench_scene *kind, double k, int32_t threads, doub
 }
 
 int moving_scene_create_perturbed(const bench_scene *kind, double k, moving_scene *m) {
-  *m = (moving_scene){.kind = kind, .k = k, .threads = 1};
-  if (build_moving_scene(m)) return 0;
+  if (moving_scene_build(kind, k, NULL, m)) return 0;
   const msim_state state = {
       .size = sizeof state, .n = m->view.nparticles, .x = m->view.x, .v = m->view.v};
   if (!keep_state(&state, m)) return 0;

@@ -37,6 +37,10 @@ typedef struct moving_scene {
   msim_error err;
 } moving_scene;
 
+/* Makes the scene only. alloc: NULL for malloc and free. Call moving_scene_free in any case. */
+msim_status moving_scene_build(const bench_scene *kind, double k, const msim_allocator *alloc,
+                               moving_scene *m);
+
 /* The scene as built, with free particles displaced randomly so that no spring is at rest. Returns
  * 0 on failure and sets m->err. Call moving_scene_free in any case. */
 int moving_scene_create_perturbed(const bench_scene *kind, double k, moving_scene *m);

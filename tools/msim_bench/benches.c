@@ -21,8 +21,8 @@ static const bench_entry benches[] = {
      .seconds = {840, 46},
      .fall = {60, 3},
      .scenes =
-         "cloth32, cloth64, cloth100, cloth200, cloth316, cloth500, jelly8, jelly16, jelly24, "
-         "jelly32, jelly46",
+         "cloth32, cloth64, cloth100, cloth200, cloth316, cloth500, cloth1000, jelly8, jelly16, "
+         "jelly24, jelly32, jelly46",
      .run = bench_scaling},
     {.name = "skip",
      .doc = "time saved by skipping features, compared with CHOLMOD in every step",

@@ -5,7 +5,7 @@
 #include "bench_scenes.h"
 #include "report.h"
 
-enum { MAX_SCENES = 13, MAX_RANK_COUNTS = 8 };
+enum { MAX_SCENES = 14, MAX_RANK_COUNTS = 8 };
 
 /* Options of a benchmark run, from the command line. */
 typedef struct bench_options {
