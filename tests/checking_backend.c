@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "graph_checks.h"
+
 /* The state of an instance, which decides which calls are allowed. */
 enum { BROKEN, CREATED, ANALYZED, FACTORED, DESTROYED };
 
@@ -17,6 +19,7 @@ typedef struct checked_instance {
   const msim_host *outer;
   void *self; /* instance of the inner backend */
   int stage;
+  int32_t format;    /* that it has chosen */
   atomic_int inside; /* number of calls in progress */
   int live;          /* blocks of the host's memory that it has not freed */
   int said;          /* 1: it reported an error message in this call */
@@ -151,46 +154,6 @@ static void check_blank(const char *call, const msim_solve_info *info) {
 
 /*------------------------------------- graphs and matrices --------------------------------------*/
 
-static int ascending(int32_t n, const int32_t *ptr, const int32_t *ind) {
-  if (ptr[0] != 0) return 0;
-  for (int32_t r = 0; r < n; r++) {
-    if (ptr[r + 1] < ptr[r]) return 0;
-    for (int32_t e = ptr[r]; e < ptr[r + 1]; e++)
-      if (ind[e] < 0 || ind[e] >= n || (e > ptr[r] && ind[e] <= ind[e - 1])) return 0;
-  }
-  return 1;
-}
-
-/* The position of the entry (row, column); -1: there is none. */
-static int32_t find_entry(const int32_t *ptr, const int32_t *ind, int32_t row, int32_t column) {
-  for (int32_t e = ptr[row]; e < ptr[row + 1]; e++)
-    if (ind[e] == column) return e;
-  return -1;
-}
-
-static int has_both_triangles(int32_t n, const int32_t *ptr, const int32_t *ind) {
-  for (int32_t r = 0; r < n; r++)
-    for (int32_t e = ptr[r]; e < ptr[r + 1]; e++)
-      if (find_entry(ptr, ind, ind[e], r) < 0) return 0;
-  return 1;
-}
-
-static int is_permutation(int32_t n, const int32_t *perm) {
-  int32_t found = 0;
-  for (int32_t row = 0; row < n; row++) {
-    int32_t k = 0;
-    while (k < n && perm[k] != row) k++;
-    found += k < n;
-  }
-  return found == n;
-}
-
-static int has_diagonal(int32_t n, const int32_t *ptr, const int32_t *ind) {
-  for (int32_t r = 0; r < n; r++)
-    if (find_entry(ptr, ind, r, r) < 0) return 0;
-  return 1;
-}
-
 /* 1 if the scalar pattern is that of the blocks, each of them full. */
 static int is_expanded(const msim_system *A) {
   int32_t at = 0;
@@ -250,10 +213,10 @@ static void check_matrix(const msim_system *A) {
     expect_host(A->graphind[A->graphptr[r]] == r, "analyze", "was given a lower triangle");
 }
 
-static void check_system(const msim_system *A) {
+static void check_system(const checked_instance *w, const msim_system *A) {
   expect_host(A->size >= sizeof *A, "analyze", "was given a short msim_system");
   expect_host(A->n >= 1 && A->block >= 1 && A->block <= 3, "analyze", "was given an invalid size");
-  expect_host(A->format == inner->format, "analyze", "was given another format");
+  expect_host(A->format == w->format, "analyze", "was given another format");
   if (A->format != MSIM_FORMAT_NONE) {
     check_matrix(A);
     return;
@@ -262,6 +225,8 @@ static void check_system(const msim_system *A) {
               "was given a matrix with format NONE");
   expect_host(A->stride >= A->n && A->apply && A->precondition, "analyze",
               "was given no apply() or precondition(), or a stride < n");
+  expect_host(!(inner->flags & MSIM_BACKEND_TWO_LEVEL) == !A->two_level, "analyze",
+              "was given two_level() or not, against its flags");
 }
 
 /* The same system at the same addresses as in checked_analyze(). */
@@ -370,7 +335,8 @@ static msim_status checked_create(const msim_host *host, void **self) {
                                    .data = w,
                                    .lock = host->lock,
                                    .unlock = host->unlock},
-                          .outer = host};
+                          .outer = host,
+                          .format = inner->format};
   atomic_init(&w->inside, 1);
   *self = w;
   pthread_mutex_lock(&report_mutex);
@@ -382,6 +348,15 @@ static msim_status checked_create(const msim_host *host, void **self) {
   expect_backend(status || w->self, "create", "succeeded without an instance");
   end_call(w, "create", status);
   return status;
+}
+
+static msim_status checked_set_options(void *self, const char *text) {
+  return inner->set_options(((checked_instance *)self)->self, text);
+}
+
+static int32_t checked_choose_format(void *self) {
+  checked_instance *w = self;
+  return w->format = inner->choose_format(w->self);
 }
 
 static msim_status checked_order(void *self, int32_t n, const int32_t *ptr, const int32_t *ind,
@@ -405,7 +380,7 @@ static msim_status checked_order(void *self, int32_t n, const int32_t *ptr, cons
 static msim_status checked_analyze(void *self, const msim_system *A, msim_solve_info *info) {
   checked_instance *w = self;
   if (!begin_call(w, "analyze", CREATED, CREATED)) return MSIM_ERR_ARG;
-  check_system(A);
+  check_system(w, A);
   check_blank("analyze", info);
   w->system = *A;
   w->pattern = hash_pattern(A);
@@ -492,6 +467,7 @@ const msim_backend *checking_backend(const msim_backend *table) {
   checking.factor = checked_factor;
   checking.solve = checked_solve;
   checking.destroy = checked_destroy;
-  checking.set_options = NULL; /* not passed on */
+  checking.set_options = table->set_options ? checked_set_options : NULL;
+  checking.choose_format = table->choose_format ? checked_choose_format : NULL;
   return &checking;
 }

@@ -148,6 +148,11 @@ static void read_file_name(void) {
   if (length < sizeof name) memcpy(name, at, length);
 }
 
+static int32_t choose_unknown(void *self) {
+  (void)self;
+  return 7;
+}
+
 MSIM_BACKEND_ENTRY(fake) {
   read_file_name();
   if (has_fault("wrong_abi")) table.abi = 99;
@@ -166,5 +171,6 @@ MSIM_BACKEND_ENTRY(fake) {
   if (has_fault("no_destroy")) table.destroy = NULL;
   if (has_fault("format_3")) table.format = 3;
   if (has_fault("format_minus_1")) table.format = -1;
+  if (has_fault("chooses_7")) table.choose_format = choose_unknown;
   return has_fault("no_table") ? NULL : &table;
 }

@@ -1,9 +1,11 @@
-/* A correct backend without a matrix, for tests: conjugate gradients by apply() and precondition().
- * It checks the padding of vectors that the host promises. */
+/* A correct backend without a matrix, for tests: conjugate gradients by apply() and two_level(),
+ * also where ranks share the system; precondition() is for the norm. It checks the padding of
+ * vectors that the host promises. */
 #include <math.h>
 #include <string.h>
 
 #include "msim/backend.h"
+#include "msim/comm.h"
 
 typedef struct cg_solver {
   const msim_host *host;
@@ -46,9 +48,12 @@ static msim_status cg_factor(void *self, const msim_system *A, int32_t kind,
   return MSIM_OK;
 }
 
-static double dot(size_t n, const double *x, const double *y) {
+/* x.y over all ranks; of x only the unknowns count, as apply() overwrites its padding */
+static double dot(const msim_system *A, const double *x, const double *y) {
   double sum = 0;
-  for (size_t i = 0; i < n; i++) sum += x[i] * y[i];
+  for (size_t i = 0; i < length(A); i++)
+    if (i % (size_t)A->stride < (size_t)A->n) sum += x[i] * y[i];
+  if (A->comm && A->comm->sum(A->comm->self, 1, &sum)) return -1;
   return sum;
 }
 
@@ -59,21 +64,22 @@ static int is_padding_zero(const msim_system *A, const double *x) {
   return 1;
 }
 
-/* r.z with z = P r, the preconditioned residual */
+/* r.z with z = D^-1 r */
 static double preconditioned_norm2(cg_solver *g, const msim_system *A, const double *r) {
   A->precondition(A, r, g->z);
-  return dot(length(A), r, g->z);
+  return dot(A, r, g->z);
 }
 
 /* One search direction, from g->r; rho: r.z of the previous one, 0 at the start. */
 static msim_status cg_iterate(cg_solver *g, const msim_system *A, double *rho, double *y) {
   const size_t n = length(A);
-  const double next = preconditioned_norm2(g, A, g->r), beta = *rho > 0 ? next / *rho : 0;
+  A->two_level(A, g->r, g->z);
+  const double next = dot(A, g->r, g->z), beta = *rho > 0 ? next / *rho : 0;
   for (size_t i = 0; i < n; i++) g->p[i] = g->z[i] + (*rho > 0 ? beta * g->p[i] : 0);
   A->apply(A, g->p, g->q);
   if (!is_padding_zero(A, g->z) || !is_padding_zero(A, g->q))
     return cg_fail(g, MSIM_ERR_BACKEND, "padding is not zero");
-  const double curvature = dot(n, g->p, g->q);
+  const double curvature = dot(A, g->p, g->q);
   if (!(curvature > 0)) return MSIM_NOT_SPD;
   for (size_t i = 0; i < n; i++) y[i] += next / curvature * g->p[i];
   for (size_t i = 0; i < n; i++) g->r[i] -= next / curvature * g->q[i];
@@ -129,7 +135,7 @@ MSIM_BACKEND_ENTRY(matrix_free) {
       .name = "matrix_free",
       .library = "none",
       .license = "MIT",
-      .flags = MSIM_BACKEND_ITERATIVE,
+      .flags = MSIM_BACKEND_ITERATIVE | MSIM_BACKEND_RANKS | MSIM_BACKEND_TWO_LEVEL,
       .format = MSIM_FORMAT_NONE,
       .create = cg_create,
       .analyze = cg_analyze,

@@ -105,7 +105,8 @@ class Ranks(CliTest):
         subprocess.run([CLI, "run", *implicit, "--quiet"], cwd=self.folder, check=True)
         alone = [c for row in self.final()["v"] for c in row]
         for n, options in ((2, "-ksp_type cg -pc_type gamg"), (3, "-ksp_type cg -pc_type gamg"),
-                           (2, "-ksp_type gmres -pc_type bjacobi")):
+                           (2, "-ksp_type gmres -pc_type bjacobi"),
+                           (3, "-ksp_type pipecg -pc_type msim")):
             with self.subTest(f"{n} {options}"):
                 status, _, err = self.ranks(n, *implicit, "--solver", "petsc", "--solver.options",
                                             options)

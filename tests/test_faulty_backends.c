@@ -18,9 +18,13 @@ static void failures_are_passed_on(void **state) {
   EXPECT_PLUGINS(lies);
 }
 
-static void orders_are_checked(void **state) {
+static void orders_and_formats_are_checked(void **state) {
   (void)state;
   const plugin_case lies[] = {
+      {"chooses_7", MSIM_ERR_BACKEND,
+       "solver 'chooses_7': choose_format() returned 7, which is no format of msim/backend.h; "
+       "report "
+       "this to the author of the plugin"},
       {"row_too_large", MSIM_ERR_BACKEND,
        "solver 'row_too_large': order() did not return a permutation of the 7 block rows; report "
        "this to the author of the plugin"},
@@ -101,7 +105,7 @@ static void counts_never_fall(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(failures_are_passed_on),
-      cmocka_unit_test(orders_are_checked),
+      cmocka_unit_test(orders_and_formats_are_checked),
       cmocka_unit_test(statuses_are_checked),
       cmocka_unit_test(solutions_are_checked),
       cmocka_unit_test(a_false_not_spd_is_reported),

@@ -55,7 +55,10 @@ static void all_preconditioners_agree(void **state) {
                            "-ksp_type minres -pc_type bjacobi",
                            "-ksp_type preonly -pc_type cholesky",
                            "-ksp_type fgmres -ksp_gmres_restart 20 -pc_type icc",
-                           "-pc_type gamg -mg_levels_ksp_max_it 3"};
+                           "-pc_type gamg -mg_levels_ksp_max_it 3",
+                           "-pc_type msim",
+                           "-ksp_type minres -pc_type msim",
+                           "-ksp_type gmres -pc_type msim"};
   int64_t by_gamg = 0;
   assert_int_equal(reference.status, MSIM_OK);
   for (size_t i = 0; i < sizeof choices / sizeof *choices; i++) {
@@ -68,6 +71,9 @@ static void all_preconditioners_agree(void **state) {
       fail_msg("Jacobi takes %lld iterations, multigrid %lld", (long long)e.iterations,
                (long long)by_gamg);
     if (i == 3) assert_in_range(e.iterations, 3, 12); /* a few calls of a factorization each */
+    if (i == 6 && e.iterations > 1.25 * (double)reference.iterations)
+      fail_msg("-pc_type msim takes %lld iterations, the solver pcg %lld", (long long)e.iterations,
+               (long long)reference.iterations);
   }
 }
 
@@ -79,6 +85,7 @@ static void what_is_refused(void **state) {
       {"petsc", "-ksp_tipe cg", "PETSc has no use for -ksp_tipe in solver.options"},
       {"petsc", "-ksp_gmres_restart 20", "PETSc has no use for -ksp_gmres_restart"},
       {"petsc", "-pc_type multigird", "multigird"},
+      {"petsc", "-pc_type msim -pc_gamg_threshold 0.1", "PETSc has no use for -pc_gamg_threshold"},
       {"petsc", "-ksp_type conjugate", "conjugate"},
       {"petsc", "cg", "must be options of PETSc, as -ksp_type cg"},
       {"pcg", "-pc_type gamg", "solver 'pcg' takes no solver.options"},

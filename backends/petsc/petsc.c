@@ -2,7 +2,8 @@
  * options. Without options: conjugate gradients with smoothed aggregation (GAMG), or, for a few
  * unknowns, a factorization.
  *
- * The host's FULL matrix becomes an AIJ matrix with the block size and the near-null space of rigid
+ * -pc_type msim is the preconditioner of the host, without a matrix (matrix_free.h). Else the FULL
+ * matrix of the host becomes an AIJ matrix with the block size and the near-null space of rigid
  * bodies, of which multigrid makes its coarse spaces. KSP solves for corrections A e = b - A y from
  * e = 0, in its own norm and to a tolerance of ours, until the residual is small enough in the norm
  * of the host, sqrt(r.D^-1 r); so any KSP and PC may be chosen, also -ksp_type preonly -pc_type
@@ -19,6 +20,8 @@
 
 #include <petscksp.h>
 
+#include "diagonal.h"
+#include "matrix_free.h"
 #include "null_space.h"
 #include "shared.h"
 
@@ -43,6 +46,8 @@ typedef struct petsc_solver {
   MPI_Comm mpi;
   Mat matrix;
   petsc_shared shared; /* of ranks; else empty */
+  int is_matrix_free;  /* 1: by -pc_type msim */
+  petsc_matrix_free matrix_free;
   KSP ksp;
   Vec r, e;      /* residual and correction, in arrays of PETSc */
   double *value; /* of the matrix, A->val / 2^exponent */
@@ -155,9 +160,15 @@ static msim_status petsc_set_options(void *data, const char *text) {
     return petsc_refuse(self, "solver.options must be options of PETSc, as -ksp_type cg");
   self->has_options = 1;
   enter_petsc(self);
-  const PetscErrorCode code = PetscOptionsInsertString(self->options, text);
+  PetscErrorCode code = PetscOptionsInsertString(self->options, text);
+  if (!code) code = petsc_matrix_free_take_option(self->options, &self->is_matrix_free);
   leave_petsc(self);
   return convert_code(self, code, MSIM_ERR_ARG);
+}
+
+static int32_t petsc_choose_format(void *data) {
+  const petsc_solver *self = data;
+  return self->is_matrix_free ? MSIM_FORMAT_NONE : MSIM_FORMAT_FULL;
 }
 
 /* Options of KSP and PC that neither has asked for: slips, or of another type. Those of levels are
@@ -183,7 +194,10 @@ static msim_status check_options(petsc_solver *self) {
 /*------------------------------------- systems --------------------------------------------------*/
 
 static msim_status check_system(petsc_solver *self, const msim_system *A) {
-  if (A->format != MSIM_FORMAT_FULL) return petsc_refuse(self, "A must have MSIM_FORMAT_FULL");
+  if (A->format != petsc_choose_format(self))
+    return petsc_refuse(self, "A must have the format that choose_format() returns");
+  if (self->is_matrix_free && !petsc_matrix_free_is_offered(A))
+    return petsc_refuse(self, "-pc_type msim needs a newer msim");
   if (A->n < 1 || A->block < 1 || A->block > 3)
     return petsc_refuse(self, "A must have at least one block row, of 1 to 3 scalars");
   if (A->n >= INT32_MAX / A->block)
@@ -195,6 +209,8 @@ static msim_status check_system(petsc_solver *self, const msim_system *A) {
 
 static PetscErrorCode create_matrix(petsc_solver *self, const msim_system *A) {
   const PetscInt n = A->block * A->n;
+  if (self->is_matrix_free)
+    return petsc_matrix_free_create(&self->matrix_free, self->mpi, &self->matrix);
   if (petsc_shared_ranks(A)) return petsc_shared_create(A, self->mpi, &self->shared, &self->matrix);
   return MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, n, n, (PetscInt *)(uintptr_t)A->rowptr,
                                    (PetscInt *)(uintptr_t)A->colind, self->value, &self->matrix);
@@ -203,18 +219,21 @@ static PetscErrorCode create_matrix(petsc_solver *self, const msim_system *A) {
 static PetscErrorCode make_matrix(petsc_solver *self, const msim_system *A) {
   MatNullSpace space = NULL;
   PetscErrorCode code = create_matrix(self, A);
-  if (!code) code = MatSetBlockSize(self->matrix, A->block);
+  if (!code) code = petsc_null_space_create_vector(A, self->mpi, &self->r);
+  if (!code) code = VecDuplicate(self->r, &self->e);
   if (!code) code = MatSetOption(self->matrix, MAT_SYMMETRIC, PETSC_TRUE);
   if (!code) code = MatSetOption(self->matrix, MAT_SYMMETRY_ETERNAL, PETSC_TRUE);
+  if (code || self->is_matrix_free) return code;
+  code = MatSetBlockSize(self->matrix, A->block);
   if (!code) code = petsc_null_space_create(A, self->mpi, &space);
   if (!code) code = MatSetNearNullSpace(self->matrix, space);
   MatNullSpaceDestroy(&space);
-  if (!code) code = petsc_null_space_create_vector(A, self->mpi, &self->r);
-  return code ? code : VecDuplicate(self->r, &self->e);
+  return code;
 }
 
 static int allocate_arrays(petsc_solver *self, const msim_system *A) {
   const msim_host *host = self->host;
+  if (self->is_matrix_free) return petsc_matrix_free_allocate(&self->matrix_free, host, A);
   const size_t n = (size_t)A->n * (size_t)A->block, numbers = petsc_shared_numbers(A);
   self->inverse = host->alloc(host, n * (size_t)A->block * sizeof *self->inverse);
   self->value = host->alloc(host, (size_t)A->rowptr[n] * sizeof *self->value);
@@ -243,57 +262,11 @@ static msim_status petsc_analyze(void *data, const msim_system *A, msim_solve_in
 
 /*------------------------------------- the norm of the host -------------------------------------*/
 
-/* inverse = D^-1 for a symmetric D of `block` rows, by Cholesky's D = L L^T. 0: not positive
- * definite, up to rounding. */
-static int invert_block(int32_t block, const double *d, double *inverse) {
-  double l[3][3] = {{0}};
-  for (int32_t i = 0; i < block; i++)
-    for (int32_t j = 0; j <= i; j++) {
-      double sum = d[i * block + j];
-      for (int32_t k = 0; k < j; k++) sum -= l[i][k] * l[j][k];
-      if (i == j && !(sum > 4 * DBL_EPSILON * d[i * block + i])) return 0;
-      l[i][j] = i == j ? sqrt(sum) : sum / l[j][j];
-    }
-  for (int32_t column = 0; column < block; column++) {
-    double y[3] = {0};
-    for (int32_t i = 0; i < block; i++) {
-      y[i] = i == column;
-      for (int32_t k = 0; k < i; k++) y[i] -= l[i][k] * y[k];
-      y[i] /= l[i][i];
-    }
-    for (int32_t i = block - 1; i >= 0; i--) {
-      for (int32_t k = i + 1; k < block; k++) y[i] -= l[k][i] * y[k];
-      y[i] /= l[i][i];
-      inverse[i * block + column] = y[i];
-    }
-  }
-  return 1;
-}
-
-/* 0: a diagonal block is not positive definite, so that A is not. */
-static int invert_diagonal(petsc_solver *self, const msim_system *A) {
-  const int32_t block = A->block;
-  for (int32_t i = 0; i < A->n; i++) {
-    double d[9] = {0};
-    for (int32_t c = 0; c < block; c++) {
-      const int32_t row = block * i + c;
-      for (int32_t e = A->rowptr[row]; e < A->rowptr[row + 1]; e++)
-        if (A->colind[e] / block == i) d[c * block + A->colind[e] % block] = A->val[e];
-    }
-    if (!invert_block(block, d, self->inverse + (size_t)i * (size_t)(block * block))) return 0;
-  }
-  return 1;
-}
-
 /* sqrt(r.D^-1 r), over all ranks */
 static double norm_of(const petsc_solver *self, const msim_system *A, const double *r) {
-  double sum = 0;
-  for (int32_t i = 0; i < A->n; i++)
-    for (int32_t c = 0; c < A->block; c++)
-      for (int32_t d = 0; d < A->block; d++)
-        sum += r[A->block * i + c] * r[A->block * i + d] *
-               self->inverse[(A->block * i + c) * A->block + d];
-  sum = petsc_shared_sum(A, sum);
+  const double own = self->is_matrix_free ? petsc_matrix_free_product(&self->matrix_free, r)
+                                          : petsc_diagonal_product(A, self->inverse, r);
+  const double sum = petsc_shared_sum(A, own);
   return sqrt(sum < 0 ? 0 : sum); /* NaN stays */
 }
 
@@ -309,7 +282,8 @@ static void multiply_own(const msim_system *A, const double *x, double *y) {
 /* y = A x; return x.A x, over all ranks. NaN: PETSc has failed. */
 static double multiply(petsc_solver *self, const msim_system *A, const double *x, double *y) {
   double curvature = 0;
-  if (!petsc_shared_ranks(A)) multiply_own(A, x, y);
+  if (self->is_matrix_free) petsc_matrix_free_apply(&self->matrix_free, x, y);
+  else if (!petsc_shared_ranks(A)) multiply_own(A, x, y);
   else if (petsc_shared_multiply(A, &self->shared, self->matrix, self->exponent, x, y))
     curvature = NAN;
   for (int32_t row = 0; row < A->block * A->n; row++) curvature += x[row] * y[row];
@@ -320,6 +294,11 @@ static double multiply(petsc_solver *self, const msim_system *A, const double *x
 
 /* value = A / 2^exponent, the largest of all ranks is about 1; 0: they are not finite. */
 static int copy_values(petsc_solver *self, const msim_system *A) {
+  if (self->is_matrix_free) {
+    const double most = petsc_shared_maximum(A, petsc_matrix_free_size(&self->matrix_free));
+    self->exponent = self->matrix_free.exponent = isfinite(most) && most > 0 ? ilogb(most) : 0;
+    return isfinite(most);
+  }
   const int32_t n = A->rowptr[A->block * A->n];
   double most = 0;
   for (int32_t e = 0; e < n && isfinite(most); e++)
@@ -338,14 +317,21 @@ static PetscErrorCode announce_values(petsc_solver *self) {
   return code ? code : MatSeqAIJRestoreArray(self->matrix, &values);
 }
 
+/* Copy the values to PETSc's matrix. */
+static PetscErrorCode set_matrix(petsc_solver *self, const msim_system *A) {
+  if (self->is_matrix_free) return 0;
+  return petsc_shared_ranks(A) ? petsc_shared_set(A, &self->shared, self->value, self->matrix)
+                               : announce_values(self);
+}
+
 static PetscErrorCode make_solver(petsc_solver *self, const msim_system *A) {
-  PetscErrorCode code = petsc_shared_ranks(A)
-                            ? petsc_shared_set(A, &self->shared, self->value, self->matrix)
-                            : announce_values(self);
+  PetscErrorCode code = set_matrix(self, A);
   if (!code) code = KSPDestroy(&self->ksp);
   if (!code) code = KSPCreate(self->mpi, &self->ksp);
   if (!code) code = KSPSetOperators(self->ksp, self->matrix, self->matrix);
   if (!code) code = KSPSetFromOptions(self->ksp);
+  if (!code && self->is_matrix_free)
+    code = petsc_matrix_free_set_preconditioner(&self->matrix_free, self->ksp);
   if (!code) code = KSPSetInitialGuessNonzero(self->ksp, PETSC_FALSE);
   if (!code) code = KSPSetErrorIfNotConverged(self->ksp, PETSC_FALSE);
   return code ? code : KSPSetUp(self->ksp);
@@ -357,7 +343,8 @@ static msim_status petsc_factor(void *data, const msim_system *A, int32_t kind,
   if (kind != MSIM_FACTOR_SPD)
     return petsc_refuse(self, "petsc supports symmetric positive definite systems only");
   if (!copy_values(self, A)) return petsc_refuse(self, "A has entries that are not finite");
-  if (!(petsc_shared_maximum(A, !invert_diagonal(self, A)) <= 0)) {
+  const int has_blocks = self->is_matrix_free || petsc_diagonal_invert(A, self->inverse);
+  if (!(petsc_shared_maximum(A, !has_blocks) <= 0)) {
     info->definite = MSIM_DEFINITE_NOT;
     return MSIM_NOT_SPD;
   }
@@ -439,16 +426,29 @@ static msim_status solve_right_hand_side(petsc_solver *self, const msim_system *
   return left <= goal && isfinite(goal) ? MSIM_OK : MSIM_NOT_CONVERGED;
 }
 
+/* Vectors as the host has them */
+static msim_status solve_vector(petsc_solver *self, const msim_system *A,
+                                const msim_solve_params *params, const double *b, double *y,
+                                msim_solve_info *info) {
+  petsc_matrix_free *m = &self->matrix_free;
+  if (!self->is_matrix_free) return solve_right_hand_side(self, A, params, b, y, info);
+  petsc_matrix_free_pack(A, b, m->b);
+  petsc_matrix_free_pack(A, y, m->y);
+  const msim_status status = solve_right_hand_side(self, A, params, m->b, m->y, info);
+  petsc_matrix_free_unpack(A, m->y, y);
+  return status;
+}
+
 static msim_status petsc_solve(void *data, const msim_system *A, const msim_solve_params *params,
                                int32_t nrhs, const double *b, double *y, msim_solve_info *info) {
   petsc_solver *self = data;
-  const size_t n = (size_t)A->n * (size_t)A->block;
+  const size_t n = (size_t)(self->is_matrix_free ? A->stride : A->n) * (size_t)A->block;
   if (nrhs < 1) return petsc_refuse(self, "nrhs must be at least 1");
   msim_status worst = MSIM_OK;
   enter_petsc(self);
   for (int32_t k = 0; k < nrhs && worst >= 0 && worst != MSIM_NOT_SPD; k++) {
     const size_t at = n * (size_t)k;
-    const msim_status status = solve_right_hand_side(self, A, params, b + at, y + at, info);
+    const msim_status status = solve_vector(self, A, params, b + at, y + at, info);
     if (status) worst = status;
   }
   const msim_status misspelt = worst >= 0 ? check_options(self) : MSIM_OK;
@@ -475,23 +475,26 @@ static void petsc_destroy(void *data) {
   self->host->free(self->host, self->value);
   self->host->free(self->host, self->inverse);
   self->host->free(self->host, self->shared.row);
+  self->host->free(self->host, self->matrix_free.b);
   self->host->free(self->host, self);
 }
 
 MSIM_BACKEND_ENTRY(petsc) {
-  static const msim_backend table = {.abi = MSIM_BACKEND_ABI,
-                                     .size = sizeof(msim_backend),
-                                     .name = "petsc",
-                                     .library = "PETSc " STRING(PETSC_VERSION_MAJOR) "." STRING(
-                                         PETSC_VERSION_MINOR) "." STRING(PETSC_VERSION_SUBMINOR),
-                                     .license = "BSD-2-Clause",
-                                     .flags = MSIM_BACKEND_ITERATIVE | MSIM_BACKEND_RANKS,
-                                     .format = MSIM_FORMAT_FULL,
-                                     .create = petsc_create,
-                                     .analyze = petsc_analyze,
-                                     .factor = petsc_factor,
-                                     .solve = petsc_solve,
-                                     .destroy = petsc_destroy,
-                                     .set_options = petsc_set_options};
+  static const msim_backend table = {
+      .abi = MSIM_BACKEND_ABI,
+      .size = sizeof(msim_backend),
+      .name = "petsc",
+      .library = "PETSc " STRING(PETSC_VERSION_MAJOR) "." STRING(PETSC_VERSION_MINOR) "." STRING(
+          PETSC_VERSION_SUBMINOR),
+      .license = "BSD-2-Clause",
+      .flags = MSIM_BACKEND_ITERATIVE | MSIM_BACKEND_RANKS | MSIM_BACKEND_TWO_LEVEL,
+      .format = MSIM_FORMAT_FULL,
+      .create = petsc_create,
+      .analyze = petsc_analyze,
+      .factor = petsc_factor,
+      .solve = petsc_solve,
+      .destroy = petsc_destroy,
+      .set_options = petsc_set_options,
+      .choose_format = petsc_choose_format};
   return &table;
 }

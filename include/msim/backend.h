@@ -14,10 +14,10 @@
  * Without MSIM_PLUGIN the same source can be linked into a program: the symbol is then
  * msim_backend_dense, and msim_options.backends takes the table it returns.
  *
- * Guarantees of the host: calls come in the order create, set_options, order, analyze,
- * (factor, solve+)+, destroy, where factor may be repeated, and destroy may follow any call; b, and
- * A if there is a matrix, are finite; n >= 1. Calls for one `self` never overlap; calls for
- * different instances may, in different threads.
+ * Guarantees of the host: calls come in the order create, set_options, choose_format, order,
+ * analyze, (factor, solve+)+, destroy, where factor may be repeated, and destroy may follow any
+ * call; b, and A if there is a matrix, are finite; n >= 1. Calls for one `self` never overlap;
+ * calls for different instances may, in different threads.
  *
  * Obligations of a backend: it writes to nothing but `self`, y, perm and info; it neither prints
  * nor ends the process; the same calls give the same bits, whatever other instances do; it returns
@@ -55,7 +55,9 @@ enum {
   MSIM_BACKEND_SYMMETRIC = 1u << 0,   /* factor() supports MSIM_FACTOR_SYMMETRIC */
   MSIM_BACKEND_ITERATIVE = 1u << 1,   /* solve() respects its parameters and the initial guess */
   MSIM_BACKEND_UNSYMMETRIC = 1u << 2, /* factor() supports MSIM_FACTOR_UNSYMMETRIC; FULL or NONE */
-  MSIM_BACKEND_RANKS = 1u << 3 /* it solves systems that several ranks share; ITERATIVE and FULL */
+  MSIM_BACKEND_RANKS = 1u << 3,       /* it solves systems that several ranks share; ITERATIVE, and
+                                         FULL or NONE */
+  MSIM_BACKEND_TWO_LEVEL = 1u << 4    /* with NONE it uses two_level() */
 };
 
 /* Kinds of factor(). */
@@ -89,7 +91,8 @@ typedef struct msim_system {
   const int32_t *rowptr;   /* block n + 1; pattern of the scalars; NULL if NONE */
   const int32_t *colind;   /* rowptr[block n], ascending in each row */
   const double *val;       /* rowptr[block n], 64-byte aligned; NULL if NONE */
-  /* y = A x, y must not overlap x; NONE only. Any alignment of x and y; 64 bytes is fastest. */
+  /* y = A x, y must not overlap x; NONE only. Any alignment of x and y; 64 bytes is fastest. Where
+   * ranks share the system, collective, and the padding of x is overwritten. */
   void (*apply)(const struct msim_system *A, const double *x, double *y);
   /* z = D^-1 r, an approximation of A^-1 r. D: the diagonal blocks of A, modified to be positive
    * definite if they are not; updated before each factor(). NONE only. z may be r. */
@@ -104,7 +107,11 @@ typedef struct msim_system {
   const struct msim_comm *comm;
   int64_t first;        /* number of the first own block row in the whole system: rank by rank */
   int32_t nghosts;      /* block columns n to n + nghosts - 1 are block rows of other ranks, */
-  const int64_t *ghost; /* nghosts: with these numbers in the whole system */
+  const int64_t *ghost; /* nghosts: with these numbers in the whole system; NONE: no such columns */
+  /* z = B r, B = D^-1 + P (P^T A P)^-1 P^T with coarse spaces of each rank and of all ranks, an
+   * approximation of A^-1: the preconditioner of the solver pcg, positive definite, updated before
+   * each factor(). z may be r. Collective. NONE with MSIM_BACKEND_TWO_LEVEL only, else NULL. */
+  void (*two_level)(const struct msim_system *A, const double *r, double *z);
 } msim_system;
 
 /* Stopping criteria of one solve(). */
@@ -167,6 +174,10 @@ struct msim_backend {
   /* Take the text of option solver.options, once, right after create(); not called without that
    * option. Nullable: there are none, and the host refuses the option. MSIM_ERR_ARG: invalid. */
   msim_status (*set_options)(void *self, const char *text);
+
+  /* The format in which this instance receives A in place of `format`, asked once, after
+   * set_options. Nullable: `format`. */
+  int32_t (*choose_format)(void *self);
 };
 
 /* Size of the table in the first version of this ABI, the minimum for a plugin. */

@@ -4,12 +4,14 @@
 #include "linear/jacobi.h"
 #include "linear/linear.h"
 #include "linear/backends.h"
+#include "linear/iteration_estimate.h"
 #include "physics/rank_model.h"
 
 typedef struct adapter {
   ms_linear base;
   const msim_backend *table;
   void *backend;
+  int32_t format;
   ms_plugin_host host;
   ms_sparse_matrix matrix;
   msim_system view;
@@ -17,6 +19,8 @@ typedef struct adapter {
   double *x;        /* positions at creation, in that order; NULL: not passed on */
   int64_t *ghost;   /* numbers of the ghosts in the whole system; NULL: one process */
   ms_jacobi jacobi; /* with MSIM_FORMAT_NONE; else empty */
+  ms_linear *pcg;   /* with MSIM_BACKEND_TWO_LEVEL besides, for its preconditioner; else NULL */
+  double *work;     /* likewise, where blocks are scalar: a vector of all components */
 } adapter;
 
 /* Pass on the backend's status and message. A status that backends must not return becomes
@@ -68,6 +72,19 @@ static void adapter_precondition(const msim_system *view, const double *r, doubl
   ms_jacobi_apply(self->base.system->model, &self->jacobi, view->block, r, z);
 }
 
+/* Where blocks are scalar, components are independent: the others are 0. */
+static void adapter_precondition_by_two_levels(const msim_system *view, const double *r,
+                                               double *z) {
+  const adapter *self = view->data;
+  const ms_model *model = self->base.system->model;
+  double *all = self->work ? self->work : z;
+  if (self->work) ms_vector_clear_all(model->shape, all);
+  if (all != r) memcpy(all, r, (size_t)(view->block * view->stride) * sizeof *all);
+  self->pcg->ops->precondition(self->pcg, all, all);
+  if (all != z) memcpy(z, all, (size_t)(view->block * view->stride) * sizeof *z);
+  clear_padding(&model->unknowns, view->block, z);
+}
+
 /* 1 if order contains each of [0, n) exactly once. seen: n zeros. */
 static int is_permutation(int32_t n, const int32_t *order, uint8_t *seen) {
   for (int32_t k = 0; k < n; k++)
@@ -105,7 +122,7 @@ static msim_status build_matrix(adapter *self, msim_error *err) {
   int32_t *order = NULL;
   msim_status status = ms_sparse_matrix_create_graph(model, &graph, err);
   if (!status) status = get_backend_order(self, &graph, &order, err);
-  const ms_sparse_layout layout = {self->table->format, self->base.system->a.block, order};
+  const ms_sparse_layout layout = {self->format, self->base.system->a.block, order};
   if (!status) status = ms_sparse_matrix_create(model, &graph, layout, &self->matrix, err);
   ms_memory_free(alloc, order);
   ms_sparse_matrix_destroy_graph(model, &graph);
@@ -120,6 +137,10 @@ static int64_t first_block_row(const ms_model *model) {
   return first;
 }
 
+static int32_t count_ghosts(const ms_model *model) {
+  return model->unknowns.first_fixed - model->unknowns.first_pinned;
+}
+
 static msim_status adapter_analyze(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   ms_sparse_matrix *m = &self->matrix;
@@ -127,7 +148,7 @@ static msim_status adapter_analyze(adapter *self, msim_error *err) {
   self->view = (msim_system){.size = sizeof self->view,
                              .n = model->unknowns.nfree,
                              .block = self->base.system->a.block,
-                             .format = self->table->format,
+                             .format = self->format,
                              .stride = model->unknowns.stride,
                              .graphptr = m->graphptr,
                              .graphind = m->graphind,
@@ -140,23 +161,23 @@ static msim_status adapter_analyze(adapter *self, msim_error *err) {
                              .x = self->x,
                              .comm = ranks ? ranks->comm : NULL,
                              .first = ranks ? first_block_row(model) : 0,
-                             .nghosts = model->unknowns.first_fixed - model->unknowns.first_pinned,
-                             .ghost = self->ghost};
+                             .nghosts = self->ghost ? count_ghosts(model) : 0,
+                             .ghost = self->ghost,
+                             .two_level = self->pcg ? adapter_precondition_by_two_levels : NULL};
   msim_solve_info info = {.size = sizeof info};
   msim_status status = self->table->analyze(self->backend, &self->view, &info);
-  self->base.analyses = self->table->format != MSIM_FORMAT_NONE;
+  self->base.analyses = self->format != MSIM_FORMAT_NONE;
   self->base.fill = info.fill;
   self->base.flops = info.flops;
   return convert_backend_status(self, status, err);
 }
 
 /* Owners know the numbers of ghosts, which are exact as doubles. */
-static msim_status adapter_connect(ms_linear *base, msim_error *err) {
-  adapter *self = (adapter *)base;
-  const ms_model *model = base->system->model;
+static msim_status number_ghosts(adapter *self, msim_error *err) {
+  const ms_model *model = self->base.system->model;
   const ms_unknowns *rows = &model->unknowns;
   ms_ranks *ranks = model->shape.ranks;
-  const size_t nghosts = (size_t)(rows->first_fixed - rows->first_pinned);
+  const size_t nghosts = (size_t)count_ghosts(model);
   double *number = ms_unknowns_new_vector(model->scene, rows);
   msim_status status = number && MS_NEW(&model->scene->alloc, self->ghost, nghosts)
                            ? MSIM_OK
@@ -168,7 +189,14 @@ static msim_status adapter_connect(ms_linear *base, msim_error *err) {
   for (size_t g = 0; g < nghosts && !status; g++)
     self->ghost[g] = (int64_t)number[(size_t)rows->first_pinned + g];
   ms_memory_free(&model->scene->alloc, number);
-  if (!status) status = ms_ranks_agree(ranks, adapter_analyze(self, err), err);
+  return status;
+}
+
+static msim_status adapter_connect(ms_linear *base, msim_error *err) {
+  adapter *self = (adapter *)base;
+  msim_status status = self->matrix.val ? number_ghosts(self, err) : MSIM_OK;
+  if (!status)
+    status = ms_ranks_agree(base->system->model->shape.ranks, adapter_analyze(self, err), err);
   return status;
 }
 
@@ -181,15 +209,23 @@ static void adapter_expand(ms_linear *base) {
     ms_sparse_matrix_add_damping_derivative(s->model, &s->damping_derivative, &self->matrix);
 }
 
+/* Each matrix gets its own coarse factor, so that solutions do not depend on matrices before. */
+static msim_status update_preconditioners(adapter *self, int32_t kind, msim_error *err) {
+  const ms_linear_system *s = self->base.system;
+  if (!self->jacobi.inverse) return MSIM_OK;
+  const msim_status status = ms_ranks_agree(
+      s->model->shape.ranks, ms_jacobi_invert(s->model, &s->a, kind, &self->jacobi), err);
+  if (status || !self->pcg) return status;
+  self->pcg->ops->restart(self->pcg);
+  return self->pcg->ops->factor(self->pcg, kind, err);
+}
+
 static msim_status adapter_factor(ms_linear *base, int32_t kind, msim_error *err) {
   adapter *self = (adapter *)base;
   msim_solve_info info = {.size = sizeof info};
-  if (self->jacobi.inverse) {
-    msim_status status =
-        ms_jacobi_invert(base->system->model, &base->system->a, kind, &self->jacobi);
-    if (status) return status;
-  }
-  msim_status status = self->table->factor(self->backend, &self->view, kind, &info);
+  msim_status status = update_preconditioners(self, kind, err);
+  if (status) return status;
+  status = self->table->factor(self->backend, &self->view, kind, &info);
   if (!status && kind == MSIM_FACTOR_SPD && info.definite == MSIM_DEFINITE_NOT)
     status = MSIM_NOT_SPD;
   return agree_on_backend_status(self, status, err);
@@ -223,12 +259,31 @@ static void adapter_destroy(ms_linear *base) {
   if (self->backend) self->table->destroy(self->backend);
   ms_sparse_matrix_destroy(model, &self->matrix);
   ms_jacobi_destroy(model, &self->jacobi);
-  MS_FREE(&model->scene->alloc, self->b, self->y, self->x, self->ghost, self);
+  if (self->pcg) self->pcg->ops->destroy(self->pcg);
+  MS_FREE(&model->scene->alloc, self->b, self->y, self->x, self->ghost, self->work, self);
+}
+
+static void adapter_set_model(ms_linear *base) {
+  adapter *self = (adapter *)base;
+  if (self->pcg) self->pcg->ops->set_model(self->pcg);
 }
 
 static int takes_options(const msim_backend *table) {
   const size_t least = offsetof(msim_backend, set_options) + sizeof table->set_options;
   return table->size >= least && table->set_options;
+}
+
+static msim_status choose_format(adapter *self, msim_error *err) {
+  const msim_backend *table = self->table;
+  const size_t least = offsetof(msim_backend, choose_format) + sizeof table->choose_format;
+  self->format = table->format;
+  if (table->size >= least && table->choose_format)
+    self->format = table->choose_format(self->backend);
+  if (self->format >= MSIM_FORMAT_NONE && self->format <= MSIM_FORMAT_FULL) return MSIM_OK;
+  return ms_error_set(err, MSIM_ERR_BACKEND,
+                      "solver '%s': choose_format() returned %d, which is no format of "
+                      "msim/backend.h; report this to the author of the plugin",
+                      table->name, self->format);
 }
 
 /* Positions in the order of the matrix, for backends that may make rigid-body modes of them. */
@@ -246,9 +301,32 @@ static msim_status pack_positions(adapter *self, msim_error *err) {
   return allocated ? MSIM_OK : ms_error_set_memory(err, "the linear solver");
 }
 
-static msim_status adapter_set_up(adapter *self, const char *options, msim_error *err) {
+static msim_status create_matrix(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   const msim_allocator *alloc = &model->scene->alloc;
+  const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
+  const msim_status status = build_matrix(self, err);
+  if (status) return status;
+  if (!(MS_NEW(alloc, self->b, length) && MS_NEW(alloc, self->y, length)))
+    return ms_error_set_memory(err, "the linear solver");
+  const int has_modes = !self->base.factorises && self->base.system->a.block > 1;
+  return has_modes ? pack_positions(self, err) : MSIM_OK;
+}
+
+/* Without a matrix */
+static msim_status create_preconditioners(adapter *self, const msim_options *opt, msim_error *err) {
+  const ms_linear_system *s = self->base.system;
+  const ms_unknowns *rows = &s->model->unknowns;
+  const msim_status status = ms_jacobi_create(s->model, &s->a, &self->jacobi, err);
+  if (status || !(self->table->flags & MSIM_BACKEND_TWO_LEVEL)) return status;
+  if (s->a.block < rows->dims && !MS_NEW_VECTORS(s->model->scene, rows, &self->work))
+    return ms_error_set_memory(err, "the linear solver");
+  return ms_pcg_create(s, opt, ms_iteration_estimate_aggregate_size(rows->nfree), &self->pcg, err);
+}
+
+static msim_status adapter_set_up(adapter *self, const msim_options *opt, const char *options,
+                                  msim_error *err) {
+  const ms_model *model = self->base.system->model;
   msim_status status =
       convert_backend_status(self, self->table->create(&self->host.base, &self->backend), err);
   if (!status && !self->backend)
@@ -258,16 +336,10 @@ static msim_status adapter_set_up(adapter *self, const char *options, msim_error
                           self->table->name);
   if (!status && options)
     status = convert_backend_status(self, self->table->set_options(self->backend, options), err);
-  if (!status && self->table->format != MSIM_FORMAT_NONE) {
-    status = build_matrix(self, err);
-    const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
-    if (!status && !(MS_NEW(alloc, self->b, length) && MS_NEW(alloc, self->y, length)))
-      status = ms_error_set_memory(err, "the linear solver");
-    if (!status && !self->base.factorises && self->base.system->a.block > 1)
-      status = pack_positions(self, err);
-  }
-  if (!status && self->table->format == MSIM_FORMAT_NONE)
-    status = ms_jacobi_create(model, &self->base.system->a, &self->jacobi, err);
+  if (!status) status = choose_format(self, err);
+  if (!status)
+    status = self->format == MSIM_FORMAT_NONE ? create_preconditioners(self, opt, err)
+                                              : create_matrix(self, err);
   return status || model->shape.ranks ? status : adapter_analyze(self, err);
 }
 
@@ -277,6 +349,7 @@ msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
                                     .expand = adapter_expand,
                                     .factor = adapter_factor,
                                     .solve = adapter_solve,
+                                    .set_model = adapter_set_model,
                                     .destroy = adapter_destroy};
   const msim_allocator *alloc = &system->model->scene->alloc;
   const msim_backend *table;
@@ -296,7 +369,7 @@ msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
                            .factorises = !(table->flags & MSIM_BACKEND_ITERATIVE)};
   self->table = table;
   ms_plugin_init_host(&self->host, alloc);
-  status = adapter_set_up(self, options, err);
+  status = adapter_set_up(self, opt, options, err);
   if (status) adapter_destroy(&self->base);
   else *linear = &self->base;
   return status;

@@ -34,10 +34,15 @@ static double estimate_condition(const ms_model *model, double h) {
 }
 
 /* Small aggregates save iterations, but the cost of the coarse factor grows faster than the number
- * of unknowns. With MANY iterations per factor they are smaller. */
+ * of unknowns. */
+int32_t ms_iteration_estimate_aggregate_size(int32_t rows) {
+  return rows < 12000 ? 64 : rows < 60000 ? 128 : rows < 500000 ? 192 : 256;
+}
+
+/* With MANY iterations per factor they are smaller. */
 static int32_t choose_aggregate_size(int32_t rows, double iterations) {
   const double MANY = 75;
-  const int32_t size = rows < 12000 ? 64 : rows < 60000 ? 128 : rows < 500000 ? 192 : 256;
+  const int32_t size = ms_iteration_estimate_aggregate_size(rows);
   return iterations > MANY ? size * 3 / 4 : size;
 }
 

@@ -17,6 +17,9 @@ typedef struct ms_iteration_estimate {
   int32_t aggregate_size;      /* unknowns per aggregate; 0: a coarse space is not cost-effective */
 } ms_iteration_estimate;
 
+/* Unknowns per aggregate for a system of so many, if a coarse space is used in any case */
+int32_t ms_iteration_estimate_aggregate_size(int32_t rows);
+
 ms_iteration_estimate ms_iteration_estimate_compute(const ms_model *model, double h, double rtol);
 
 #endif

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+const char *rig_options;
+
 /*------------------------------------- pattern --------------------------------------------------*/
 
 /* coupled[n i + j]: 1 if the block (i, j) or (j, i) has an entry, and on the diagonal. */
@@ -148,13 +150,24 @@ void rig_init(rig *r, const msim_backend *table, const problem *p) {
                        .stride = (p->n + 15) / 8 * 8,
                        .apply = apply,
                        .precondition = precondition,
+                       .two_level = table->flags & MSIM_BACKEND_TWO_LEVEL ? precondition : NULL,
                        .data = r};
+}
+
+/* The options of the instance, and the format that it chooses with them */
+static msim_status set_options(rig *r, const char *options) {
+  msim_status status = MSIM_OK;
+  begin(r);
+  if (options) status = r->table->set_options(r->self, options);
+  if (!status && r->table->choose_format) r->A.format = r->table->choose_format(r->self);
+  return end(r, "set_options", status);
 }
 
 msim_status rig_create(rig *r) {
   const problem *p = r->problem;
   begin(r);
   msim_status status = end(r, "create", r->table->create(&r->host.host, &r->self));
+  if (!status) status = set_options(r, rig_options);
   if (status) return status;
   uint8_t *coupled = find_coupled(p);
   status = ask_order(r, coupled);

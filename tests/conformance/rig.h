@@ -24,6 +24,8 @@ typedef struct rig {
   double fill, flops;          /* the largest that any call has returned */
 } rig;
 
+extern const char *rig_options; /* of all instances: solver.options; NULL: none */
+
 void rig_init(rig *r, const msim_backend *table, const problem *p);
 
 /* Create the instance and order the matrix, then build it. Close the rig after every status that it

@@ -1,4 +1,5 @@
-/* Tests that a solver backend keeps the contract of backend.h. usage: test_conformance NAME
+/* Tests that a solver backend keeps the contract of backend.h.
+ * usage: test_conformance NAME [OPTIONS]
  *
  * NAME is found like the option `solver`, so that MSIM_PLUGIN_PATH adds plugins. This program is
  * the host: no sim is involved. */
@@ -72,7 +73,8 @@ void assert_same(const char *label, const double *y, const double *z, int32_t n)
 
 int main(int argc, char **argv) {
   msim_error err;
-  if (argc != 2) return fprintf(stderr, "usage: test_conformance NAME\n"), 2;
+  if (argc != 2 && argc != 3) return fprintf(stderr, "usage: test_conformance NAME [OPTIONS]\n"), 2;
+  rig_options = argv[2]; /* NULL behind the last */
   msim_status status = msim_solver_backend(argv[1], NULL, &bare, &err);
   if (status) {
     fprintf(stderr, "%s\n", err.text);
