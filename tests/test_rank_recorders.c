@@ -113,7 +113,7 @@ static const msim_recorder_type *const recorders[] = {&in_memory, NULL};
 typedef struct recorded_run {
   const msim_scene *scene;
   const char *path;
-  int resumes;
+  int resumes, asks; /* asks: for the state of the whole scene, as well */
   int32_t steps;
   msim_status expected;
 } recorded_run;
@@ -132,8 +132,9 @@ static const char *record_rank(msim_comm *comm, void *data) {
   if (!status) {
     if (!r->resumes) status = msim_recorder_write(recorder, &why);
     while (!status && msim_sim_next_frame(sim) <= r->steps) {
-      msim_state now = {.size = sizeof now};
+      msim_state now = {.size = r->asks ? sizeof now : MSIM_STATE_TIME};
       EXPECT(msim_sim_state(sim, &now) == MSIM_OK);
+      EXPECT(r->asks == (now.x != NULL));
       if (now.step >= r->steps) break;
       EXPECT(msim_sim_step(sim, msim_sim_next_frame(sim) - now.step, &why) == MSIM_OK);
       status = msim_recorder_write(recorder, &why);
@@ -182,7 +183,7 @@ static void rows_are_those_of_one_process(void **state) {
   assert_int_equal(file.committed, FRAMES);
   for (int32_t n = 2; n <= MOST_RANKS; n++) {
     set_failure(-1, -1);
-    record(scene, n, (recorded_run){.path = "several.memory", .steps = 20});
+    record(scene, n, (recorded_run){.path = "several.memory", .steps = 20, .asks = n % 2});
     assert_int_equal(file.committed, FRAMES);
     assert_memory_equal(file.x, x, numbers * sizeof *x);
     assert_memory_equal(file.v, v, numbers * sizeof *v);
@@ -213,6 +214,100 @@ static void one_rank_that_fails(void **state) {
     assert_int_equal(file.calls[COMMITS], cases[i].commits);
   }
   msim_scene_destroy(scene);
+}
+
+/*------------------------------------- memory ---------------------------------------------------*/
+
+/* Bytes that a rank has, and most of them so far; each block begins with its size. */
+typedef struct memory {
+  size_t live, peak;
+} memory;
+
+enum { BLOCK_HEAD = 16 };
+
+static void *take_memory(size_t bytes, void *user) {
+  memory *m = user;
+  char *block = malloc(bytes + BLOCK_HEAD);
+  if (!block) return NULL;
+  memcpy(block, &bytes, sizeof bytes);
+  m->live += bytes;
+  if (m->live > m->peak) m->peak = m->live;
+  return block + BLOCK_HEAD;
+}
+
+static void give_memory(void *ptr, void *user) {
+  size_t bytes;
+  if (!ptr) return;
+  memcpy(&bytes, (char *)ptr - BLOCK_HEAD, sizeof bytes);
+  ((memory *)user)->live -= bytes;
+  free((char *)ptr - BLOCK_HEAD);
+}
+
+enum { ROPE = 20000 };
+
+/* Particles and springs in the same order: a rank writes n / N of both, with one more particle. */
+static msim_scene *make_rope(const msim_allocator *alloc) {
+  static double x[3 * ROPE], v[3 * ROPE], mass[ROPE], k[ROPE], rest[ROPE];
+  static int32_t ij[2 * ROPE];
+  msim_scene *scene = NULL;
+  msim_error why;
+  for (int32_t i = 0; i < ROPE; i++) {
+    x[3 * i] = 0.01 * i, mass[i] = 0.1, k[i] = 10, rest[i] = 0.009;
+    ij[2 * i] = i, ij[2 * i + 1] = i + 1;
+  }
+  if (msim_scene_create(alloc, &scene, &why) ||
+      msim_scene_add_particles(scene, ROPE, x, v, mass, &why) ||
+      msim_scene_add_springs(scene, ROPE - 1, ij, k, rest, NULL, &why))
+    return NULL;
+  return scene;
+}
+
+/* Ranks have no state of the whole scene before they are asked for it. A frame takes of each x, v,
+ * what is sent and received, with the numbers of these: 48 + 2 x 12 bytes a row, and 8 bytes a
+ * spring; while these are looked for 24 bytes more, and 5 a particle of the scene. Rank 0 also has
+ * the text of the scene file, which it writes. */
+static const char *measure_rank(msim_comm *comm, void *data) {
+  static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the arrays of make_rope */
+  memory m = {0};
+  const msim_allocator alloc = {sizeof alloc, take_memory, give_memory, &m};
+  const size_t rows = ROPE / (size_t)comm->nranks + 2, rest = 4096;
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim;
+  msim_recorder *recorder;
+  msim_state whole = {.size = sizeof whole};
+  msim_error why = {0};
+  (void)data;
+  opt.steps = 2, opt.every = 1, opt.comm = comm, opt.recorders = recorders, opt.threads = 1;
+  pthread_mutex_lock(&lock);
+  msim_scene *scene = make_rope(&alloc);
+  pthread_mutex_unlock(&lock);
+  EXPECT(scene && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
+  const size_t created = m.live;
+  m.peak = m.live;
+  EXPECT(msim_recorder_open(sim, "rope.memory", &recorder, &why) == MSIM_OK);
+  const size_t opened = m.live;
+  for (int i = 0; i < 2; i++) {
+    EXPECT(msim_recorder_write(recorder, &why) == MSIM_OK);
+    EXPECT(msim_sim_step(sim, 1, &why) == MSIM_OK);
+  }
+  EXPECT(m.live == opened && opened - created <= 80 * rows + rest);
+  EXPECT(comm->rank == 0 || m.peak - created <= 104 * rows + 5 * ROPE + rest);
+  EXPECT(msim_sim_state(sim, &whole) == MSIM_OK);
+  EXPECT(m.live - opened >= 48 * (size_t)ROPE && m.live - opened <= 48 * (size_t)ROPE + rest);
+  EXPECT(msim_recorder_close(recorder, &why) == MSIM_OK);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  EXPECT(m.live == 0);
+  return NULL;
+}
+
+static void no_rank_has_the_whole_state(void **state) {
+  (void)state;
+  for (int32_t n = 2; n <= MOST_RANKS; n *= 2) {
+    set_failure(-1, -1);
+    const char *wrong = run_ranks(n, measure_rank, NULL);
+    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+  }
 }
 
 /*------------------------------------- .vtkhdf files --------------------------------------------*/
@@ -256,11 +351,13 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(rows_are_those_of_one_process),
       cmocka_unit_test(one_rank_that_fails),
+      cmocka_unit_test(no_rank_has_the_whole_state),
       cmocka_unit_test(files_are_resumed),
   };
   const int failed = cmocka_run_group_tests(tests, NULL, NULL);
-  for (const char *const *name = (const char *[]){"one.memory", "several.memory", "failed.memory",
-                                                  "whole.vtkhdf", "parts.vtkhdf", NULL};
+  for (const char *const *name =
+           (const char *[]){"one.memory", "several.memory", "failed.memory", "rope.memory",
+                            "whole.vtkhdf", "parts.vtkhdf", NULL};
        *name; name++)
     remove(*name);
   return chdir("/") || rmdir(folder) || failed;

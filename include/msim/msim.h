@@ -81,6 +81,9 @@ typedef struct msim_state {
   int32_t nsprings; /* number of springs; msim_sim_set_state ignores it */
 } msim_state;
 
+/* As size: msim_sim_state sets step, t and n alone, for which several ranks gather nothing. */
+#define MSIM_STATE_TIME offsetof(msim_state, x)
+
 /* Energies in J, of all particles, pinned ones included. Zero levels: velocity 0, springs at rest
  * length, and x = 0 for the gravitational energy, which includes -F.x of the constant forces F of
  * msim_scene_set_forces and the potential of a force function. Angular momentum is taken about the
@@ -256,7 +259,7 @@ MSIM_API void msim_sim_stop(msim_sim *sim);
 MSIM_API int64_t msim_sim_next_frame(const msim_sim *sim);
 
 /* Get the present state; set state->size first. The arrays are valid until the next call with this
- * sim. */
+ * sim. MSIM_ERR_MEMORY: several ranks have no memory for the state of the whole scene. */
 MSIM_API msim_status msim_sim_state(msim_sim *sim, msim_state *state);
 
 /* Continue from another state; number of steps and t_end are planned anew. Pinned particles must

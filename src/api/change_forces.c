@@ -64,6 +64,7 @@ static msim_status change_forces(msim_sim *sim, set_in_scene *set, const double 
   ms_scene *before = sim->scene;
   msim_state now = {.size = sizeof now};
   msim_status status = ms_ranks_agree(sim->ranks, set(&handle, values, err), err);
+  if (!status) status = ms_sim_provide_arrays(sim, err);
   if (!status) status = ms_ranks_agree(sim->ranks, msim_sim_state(sim, &now), err);
   if (!status) {
     ms_sim_free_matrix(sim); /* its model refers to the old scene */

@@ -152,8 +152,8 @@ static void set_run(msim_sim *sim, const ms_saved_run *r) {
   set_next_frame(sim, r);
   ms_sim_set_pins(sim);
   /* what no vector holds: particles that belong to no island, and the axis left out */
-  memcpy(sim->state_x, scene->x, bytes);
-  memcpy(sim->state_v, scene->v, bytes);
+  if (sim->state_x) memcpy(sim->state_x, scene->x, bytes);
+  if (sim->state_v) memcpy(sim->state_v, scene->v, bytes);
   if (sim->state_v_half) memcpy(sim->state_v_half, scene->v, bytes);
   sim->state_is_current = 0;
   sim->contacts_known = 0;

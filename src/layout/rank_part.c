@@ -20,9 +20,9 @@ static int create_scratch(const ms_scene *scene, ms_rank_part *part) {
     return 0;
   for (int32_t p = 0; p < scene->nparticles; p++) {
     own += is_own(part, p) ? 1 : 0, all += part->owner[p] >= 0 ? 1 : 0;
-    if (part->owner[p] >= 0) part->bytes[part->owner[p]] += 3 * (int64_t)sizeof(double);
+    if (part->owner[p] >= 0) part->bytes[part->owner[p]] += (int64_t)sizeof(double);
   }
-  return MS_NEW(&scene->alloc, part->own, 3 * own + n) && MS_NEW(&scene->alloc, part->all, 3 * all);
+  return MS_NEW(&scene->alloc, part->own, own + n) && MS_NEW(&scene->alloc, part->all, all);
 }
 
 msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
@@ -62,11 +62,12 @@ double ms_rank_part_imbalance(const ms_scene *scene, const ms_rank_part *part) {
   return all ? (double)most * part->ranks->n / (double)all : 1;
 }
 
-void ms_rank_part_gather(ms_rank_part *part, int32_t nparticles, double *array) {
+/* One component of all free particles */
+static void gather_component(ms_rank_part *part, int32_t nparticles, double *component) {
   int64_t at = 0;
   double *to = part->own;
   for (int32_t p = 0; p < nparticles; p++)
-    for (size_t c = 0; c < 3 && is_own(part, p); c++) *to++ = array[3 * (size_t)p + c];
+    if (is_own(part, p)) *to++ = component[3 * (size_t)p];
   ms_ranks_gather_parts(part->ranks, part->bytes, part->own, part->all);
   if (part->ranks->failed) return;
   for (int32_t r = 0; r < part->ranks->n; r++) {
@@ -74,8 +75,11 @@ void ms_rank_part_gather(ms_rank_part *part, int32_t nparticles, double *array) 
     at += part->bytes[r] / (int64_t)sizeof(double);
   }
   for (int32_t p = 0; p < nparticles; p++)
-    for (size_t c = 0; c < 3 && part->owner[p] >= 0; c++)
-      array[3 * (size_t)p + c] = part->all[part->next[part->owner[p]]++];
+    if (part->owner[p] >= 0) component[3 * (size_t)p] = part->all[part->next[part->owner[p]]++];
+}
+
+void ms_rank_part_gather(ms_rank_part *part, int32_t nparticles, double *array) {
+  for (int c = 0; c < 3; c++) gather_component(part, nparticles, array + c);
 }
 
 /*------------------------------------- the island of a rank -------------------------------------*/

@@ -24,9 +24,9 @@ typedef struct ms_rank_part {
   ms_ranks *ranks;
   int32_t *owner;         /* nparticles: the rank of each free particle (bisection.h) */
   ms_whole_islands whole; /* own unknowns are in this order; empty before islands are built */
-  int64_t *bytes;         /* nranks: those of 3 numbers of each own particle */
-  /* Scratch of ms_rank_part_gather and of checkpoints: nranks each, 3 numbers of each own particle
-   * and nranks, 3 numbers of each free particle; nranks + 1: which bytes each rank writes */
+  int64_t *bytes;         /* nranks: those of one number of each own particle */
+  /* Scratch of ms_rank_part_gather and of checkpoints: nranks each; a number of each own particle
+   * and nranks more, a number of each free particle; nranks + 1: which bytes each rank writes */
   int64_t *next, *send_bytes, *receive_bytes;
   double *own, *all;
   size_t *bounds;
@@ -51,7 +51,7 @@ void ms_rank_part_gather(ms_rank_part *part, int32_t nparticles, double *array);
 
 /* The number of own particles of a rank */
 static inline int64_t ms_rank_part_count(const ms_rank_part *part, int32_t rank) {
-  return part->bytes[rank] / (3 * (int64_t)sizeof(double));
+  return part->bytes[rank] / (int64_t)sizeof(double);
 }
 
 /* Largest number of own particles of a rank over the mean of all. */

@@ -174,6 +174,7 @@ static int are_pinned(const ms_scene *s, int n, const int32_t *particles) {
 }
 
 double ms_moving_pins_compute_energy(const ms_scene *s, const double *x, const double *v) {
+  const ms_section all = ms_section_whole(s);
   double sum = 0;
   for (size_t p = 0; p < (size_t)s->nparticles; p++) {
     if (!s->pinned[p]) continue;
@@ -182,9 +183,10 @@ double ms_moving_pins_compute_energy(const ms_scene *s, const double *x, const d
     if (s->force) sum -= ms_vec3_dot(s->force + 3 * p, x + 3 * p);
   }
   for (int32_t e = 0; e < s->nsprings; e++)
-    if (are_pinned(s, 2, s->ij + 2 * (size_t)e)) sum += ms_reference_compute_spring_energy(s, e, x);
+    if (are_pinned(s, 2, s->ij + 2 * (size_t)e))
+      sum += ms_reference_compute_spring_energy(s, &all, e, x);
   for (int32_t e = 0; e < s->angles.n; e++)
     if (are_pinned(s, 3, s->angles.ijk + 3 * (size_t)e))
-      sum += ms_reference_compute_angle_energy(s, e, x);
+      sum += ms_reference_compute_angle_energy(s, &all, e, x);
   return sum;
 }

@@ -1,8 +1,8 @@
 /* recorder - write and resume trajectory files (msim_recorder_*), by plugins for their formats
  *
- * Where several ranks share the scene, rank 0 opens the file and writes the checkpoint that all
- * ranks gather. All write rows of each frame (rank_frames.h) if the plugin provides for that, else
- * rank 0 has all of them. Each function ends with an agreement on its status. */
+ * Where several ranks share the scene, rank 0 opens the file. All write rows of each frame and a
+ * part of its checkpoint (rank_frames.h) if the plugin provides for that, else rank 0 has all rows.
+ * Each function ends with an agreement on its status. */
 #include <math.h>
 #include <string.h>
 
@@ -14,7 +14,7 @@
 #include "record/recorders.h"
 #include "record/strain.h"
 #include "sim/frames.h"
-#include "sim/sim.h"
+#include "sim/rank_section.h"
 
 struct msim_recorder {
   msim_sim *sim;
@@ -272,9 +272,11 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   if (!MS_NEW(&sim->alloc, r->poses, 6 * (size_t)sim->scene->ncolliders))
     return ms_error_set_memory(err, "a recorder");
   status = ms_rank_frames_init(&r->frames, type, sim, err);
+  const ms_section section = r->frames.ranks
+                                 ? ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n)
+                                 : ms_section_whole(sim->scene);
   if (!status && (r->frames.ranks || has_file(sim)))
-    status = ms_strain_init(&r->strain, sim->scene, ms_rank_frames_cells(&r->frames, sim->scene),
-                            has_file(sim), &sim->alloc, err);
+    status = ms_strain_init(&r->strain, sim->scene, &section, has_file(sim), &sim->alloc, err);
   if (status || !MS_RECORDERS_HAS(type, resume) || (sim->ranks && !r->frames.ranks)) return status;
   r->capacity = msim_sim_save_size(sim);
   r->part_capacity = ms_checkpoint_part_capacity(sim);
@@ -312,6 +314,7 @@ static msim_status open_at(msim_sim *sim, const char *path, int how, msim_record
   if (!status) status = open_file(r, path, how, &from, err);
   status = ms_ranks_agree(sim->ranks, status, err);
   if (!status && r->frames.ranks) status = ms_ranks_agree(sim->ranks, join_file(r, err), err);
+  if (!status && r->frames.ranks) status = ms_rank_section_create(sim, err);
   if (!status && how == RESUME)
     status = ms_ranks_agree(sim->ranks, continue_run(r, &from, err), err);
   ms_sim_count_output(sim, ms_clock_now() - start);
@@ -364,55 +367,88 @@ static const double *get_poses(msim_recorder *r, double t) {
   return r->poses;
 }
 
-static msim_status write_frame(msim_recorder *r, msim_frame *frame, msim_error *err) {
+/* What a frame shows: x and v of the rows of a section of the scene; all in one process */
+typedef struct frame_state {
+  ms_section section;
+  const double *x, *v;
+  msim_energy energy;
+} frame_state;
+
+/* Where rank 0 writes all rows, it needs the state of the whole scene, which all ranks gather. */
+static msim_status get_whole_state(msim_sim *sim, frame_state *s, msim_error *err) {
+  msim_state whole = {.size = sizeof whole};
+  msim_status status = ms_sim_provide_arrays(sim, err);
+  if (!status && sim->part) status = ms_rank_section_create(sim, err);
+  if (status) return status;
+  msim_sim_state(sim, &whole);
+  msim_sim_energy(sim, &s->energy);
+  s->section = ms_section_whole(sim->scene), s->x = whole.x, s->v = whole.v;
+  return ms_ranks_agree(sim->ranks, MSIM_OK, err);
+}
+
+static msim_status get_section_state(msim_sim *sim, frame_state *s, msim_error *err) {
+  const msim_status status = ms_sim_update_section(sim, err);
+  if (status) return status;
+  s->section = sim->section->is, s->x = sim->section->x, s->v = sim->section->v;
+  s->energy = ms_rank_section_sum_energy(sim);
+  return ms_ranks_agree(sim->ranks, MSIM_OK, err);
+}
+
+static msim_status write_frame(msim_recorder *r, const ms_section *section, msim_frame *frame,
+                               msim_error *err) {
   msim_status status = MSIM_OK;
   add_checkpoint(r, frame);
   if (r->frames.ranks)
-    return ms_rank_frames_write(&r->frames, r->type, r->self, &r->host, frame, err);
+    return ms_rank_frames_write(&r->frames, r->type, r->self, &r->host, section, frame, err);
   if (has_file(r->sim)) status = r->type->write(r->self, frame);
   return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : MSIM_OK;
 }
 
-static msim_status record_state(msim_recorder *r, const msim_state *state, msim_error *err) {
-  msim_energy energy = {.size = sizeof energy};
-  msim_sim_energy(r->sim, &energy);
-  if (r->strain.strain || has_file(r->sim))
-    ms_strain_compute(&r->strain, r->sim->scene, state->x, state->v);
+static msim_status record_state(msim_recorder *r, const frame_state *s, msim_error *err) {
+  const msim_sim *sim = r->sim;
+  const msim_energy *energy = &s->energy;
+  msim_status status = MSIM_OK;
+  if (r->frames.ranks || has_file(sim))
+    status = ms_strain_compute(&r->strain, sim->scene, &s->section, s->x, s->v, &sim->alloc, err);
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (status) return status;
   msim_frame frame = {.size = sizeof frame,
-                      .step = state->step,
-                      .t = state->t,
-                      .x = state->x,
-                      .v = state->v,
-                      .kinetic = energy.kinetic,
-                      .potential = energy.elastic + energy.gravitational,
-                      .elastic = energy.elastic,
-                      .gravitational = energy.gravitational,
+                      .step = sim->run.step,
+                      .t = ms_sim_time(sim),
+                      .x = s->x,
+                      .v = s->v,
+                      .kinetic = energy->kinetic,
+                      .potential = energy->elastic + energy->gravitational,
+                      .elastic = energy->elastic,
+                      .gravitational = energy->gravitational,
                       .strain = r->strain.strain,
                       .tension = r->strain.tension,
                       .reaction = r->strain.reaction,
-                      .poses = get_poses(r, state->t)};
-  if (!isfinite(energy.total))
+                      .poses = get_poses(r, ms_sim_time(sim))};
+  if (!isfinite(energy->total))
     return ms_error_set(err, MSIM_NOT_FINITE,
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "
                         "or another integrator",
-                        (long long)state->step, state->t);
-  const msim_status status = ms_ranks_agree(r->sim->ranks, write_frame(r, &frame, err), err);
+                        (long long)frame.step, frame.t);
+  status = ms_ranks_agree(sim->ranks, write_frame(r, &s->section, &frame, err), err);
   return status ? status : ms_error_clear(err);
 }
 
 msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
   if (!recorder) return ms_error_set(err, MSIM_ERR_ARG, "recorder is NULL");
-  msim_status status = ms_energy_monitor_check(recorder->sim, err);
+  msim_sim *sim = recorder->sim;
+  msim_status status = ms_energy_monitor_check(sim, err);
   if (status) return status;
   const double start = ms_clock_now();
-  msim_state state = {.size = sizeof state};
   status = check_topology(recorder, err);
   if (status) return status;
-  if (msim_sim_state(recorder->sim, &state)) /* the communicator has failed */
-    return ms_ranks_agree(recorder->sim->ranks, MSIM_OK, err);
-  if (state.step == recorder->step_kept && state.t == recorder->t_kept) return ms_error_clear(err);
-  status = record_state(recorder, &state, err);
-  ms_sim_count_output(recorder->sim, ms_clock_now() - start);
+  if (sim->run.step == recorder->step_kept && ms_sim_time(sim) == recorder->t_kept)
+    return ms_error_clear(err);
+  frame_state state = {.energy.size = sizeof state.energy};
+  status = recorder->frames.ranks ? get_section_state(sim, &state, err)
+                                  : get_whole_state(sim, &state, err);
+  if (!status) status = record_state(recorder, &state, err);
+  ms_sim_count_output(sim, ms_clock_now() - start);
   return status;
 }
 

@@ -40,21 +40,12 @@ static int fill_table(spring_table *t, int32_t nsprings, const msim_allocator *a
   return 1;
 }
 
-/* The first face in `cells`, or the one that would follow */
-static int64_t first_face(const ms_strain *s, const ms_scene *scene) {
-  return s->cells.first > scene->nsprings ? s->cells.first - scene->nsprings : 0;
-}
-
-static int64_t end_face(const ms_strain *s, const ms_scene *scene) {
-  const int64_t end = s->cells.first + s->cells.n - scene->nsprings;
-  return end > first_face(s, scene) ? end : first_face(s, scene);
-}
-
-static void find_edges(ms_strain *s, const ms_scene *scene, const spring_table *t) {
-  int32_t *edge = s->edge;
-  for (int64_t i = first_face(s, scene); i < end_face(s, scene); i++) {
-    const int32_t *corner = scene->faces + 3 * i;
-    for (int c = 0; c < 3; c++) *edge++ = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
+static void find_edges(ms_strain *s, const ms_scene *scene, const ms_section *section,
+                       const spring_table *t) {
+  for (int64_t i = 0; i < section->nfaces; i++) {
+    const int32_t *corner = scene->faces + 3 * (section->first_face + i);
+    for (int c = 0; c < 3; c++)
+      s->edge[3 * i + c] = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
   }
 }
 
@@ -64,21 +55,18 @@ static int has_pins(const ms_scene *scene) {
   return 0;
 }
 
-static int allocate_reactions(ms_strain *s, const ms_scene *scene, const msim_allocator *alloc) {
-  const size_t n = 3 * (size_t)scene->nparticles;
-  return !has_pins(scene) || (MS_NEW(alloc, s->exact, n) && MS_NEW(alloc, s->reaction, n));
-}
-
-msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, ms_cell_range cells, int reactions,
-                           const msim_allocator *alloc, msim_error *err) {
+msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const ms_section *section,
+                           int reactions, const msim_allocator *alloc, msim_error *err) {
   spring_table table = {.ij = scene->ij};
-  *s = (ms_strain){.cells = cells};
-  const int64_t nfaces = end_face(s, scene) - first_face(s, scene);
-  if (!MS_NEW(alloc, s->edge, 3 * (size_t)nfaces) || !MS_NEW(alloc, s->strain, cells.n) ||
-      !MS_NEW(alloc, s->tension, cells.n) || (reactions && !allocate_reactions(s, scene, alloc)) ||
-      (nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
+  const size_t ncells = (size_t)ms_section_count_cells(section);
+  const int has_reactions = reactions && has_pins(scene);
+  *s = (ms_strain){0};
+  if (!MS_NEW(alloc, s->edge, 3 * (size_t)section->nfaces) || !MS_NEW(alloc, s->strain, ncells) ||
+      !MS_NEW(alloc, s->tension, ncells) ||
+      (has_reactions && !MS_NEW(alloc, s->reaction, 3 * (size_t)scene->nparticles)) ||
+      (section->nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
     return ms_error_set_memory(err, "the strain of a frame");
-  find_edges(s, scene, &table);
+  find_edges(s, scene, section, &table);
   ms_memory_free(alloc, table.entries);
   return MSIM_OK;
 }
@@ -97,51 +85,75 @@ typedef struct cell {
   float strain, tension;
 } cell;
 
-static cell compute_spring(const ms_scene *scene, int32_t e, const double *x) {
-  const double *a = x + 3 * (size_t)scene->ij[2 * (size_t)e];
-  const double *b = x + 3 * (size_t)scene->ij[2 * (size_t)e + 1];
+static cell compute_spring(const ms_scene *scene, const ms_section *section, int32_t e,
+                           const double *x) {
+  const double *a = x + 3 * ms_section_row(section, scene->ij[2 * (size_t)e]);
+  const double *b = x + 3 * ms_section_row(section, scene->ij[2 * (size_t)e + 1]);
   const double rest = scene->rest[e];
   const double length = ms_vec3_norm((double[]){b[0] - a[0], b[1] - a[1], b[2] - a[2]});
   return (cell){rest > 0 ? to_float((length - rest) / rest) : 0,
                 to_float(ms_law_value_of(scene, e, length).force)};
 }
 
-/* That of another range is computed again. */
-static cell get_spring(const ms_strain *s, const ms_scene *scene, int32_t e, const double *x) {
-  const int64_t at = e - s->cells.first;
-  if (at < 0) return compute_spring(scene, e, x); /* springs precede all faces */
+/* A spring that the section does not have is computed again. */
+static cell get_spring(const ms_strain *s, const ms_scene *scene, const ms_section *section,
+                       int32_t e, const double *x) {
+  const int32_t at = e - section->first_spring;
+  if (at < 0 || at >= section->nsprings) return compute_spring(scene, section, e, x);
   return (cell){s->strain[at], s->tension[at]};
 }
 
-static cell compute_face(const ms_strain *s, const ms_scene *scene, const int32_t edge[3],
-                         const double *x) {
+static cell compute_face(const ms_strain *s, const ms_scene *scene, const ms_section *section,
+                         const int32_t edge[3], const double *x) {
   double strain = 0, tension = 0;
   int count = 0;
   for (int c = 0; c < 3; c++) {
     if (edge[c] < 0) continue;
-    const cell side = get_spring(s, scene, edge[c], x);
+    const cell side = get_spring(s, scene, section, edge[c], x);
     strain += (double)side.strain, tension += (double)side.tension;
     count++;
   }
   return count ? (cell){(float)(strain / count), (float)(tension / count)} : (cell){0, 0};
 }
 
-static void compute_reactions(ms_strain *s, const ms_scene *scene, const double *x,
-                              const double *v) {
-  if (!s->reaction) return;
-  ms_reference_compute_reactions(scene, x, v, s->exact);
-  for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++) s->reaction[i] = to_float(s->exact[i]);
-}
-
-void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x, const double *v) {
-  const int32_t *edge = s->edge;
-  compute_reactions(s, scene, x, v);
-  for (int64_t k = 0; k < s->cells.n; k++) {
-    const int64_t number = s->cells.first + k;
-    const int is_spring = number < scene->nsprings;
-    const cell it =
-        is_spring ? compute_spring(scene, (int32_t)number, x) : compute_face(s, scene, edge, x);
-    if (!is_spring) edge += 3;
+/* ... after all springs */
+static void compute_cells(ms_strain *s, const ms_scene *scene, const ms_section *section,
+                          const double *x) {
+  for (int64_t k = 0; k < ms_section_count_cells(section); k++) {
+    const int64_t face = k - section->nsprings;
+    const cell it = face < 0 ? compute_spring(scene, section, section->first_spring + (int32_t)k, x)
+                             : compute_face(s, scene, section, s->edge + 3 * face, x);
     s->strain[k] = it.strain, s->tension[k] = it.tension;
   }
+}
+
+static msim_status reserve_exact(ms_strain *s, size_t rows, const msim_allocator *alloc,
+                                 msim_error *err) {
+  if (rows <= s->rows) return MSIM_OK;
+  ms_memory_free(alloc, s->exact);
+  s->rows = 0;
+  if (!MS_NEW(alloc, s->exact, 3 * rows)) return ms_error_set_memory(err, "the reactions");
+  s->rows = rows;
+  return MSIM_OK;
+}
+
+static void compute_reactions(ms_strain *s, const ms_scene *scene, const ms_section *section,
+                              const double *x, const double *v) {
+  ms_reference_compute_reactions(scene, section, x, v, s->exact);
+  for (int32_t p = 0; p < scene->nparticles; p++) {
+    const double *exact = s->exact + (scene->pinned[p] ? 3 * ms_section_row(section, p) : 0);
+    for (size_t c = 0; c < 3; c++)
+      s->reaction[3 * (size_t)p + c] = scene->pinned[p] ? to_float(exact[c]) : 0;
+  }
+}
+
+msim_status ms_strain_compute(ms_strain *s, const ms_scene *scene, const ms_section *section,
+                              const double *x, const double *v, const msim_allocator *alloc,
+                              msim_error *err) {
+  const size_t rows = (size_t)section->n + (size_t)section->nothers;
+  compute_cells(s, scene, section, x);
+  if (!s->reaction) return MSIM_OK;
+  const msim_status status = reserve_exact(s, rows, alloc, err);
+  if (!status) compute_reactions(s, scene, section, x, v);
+  return status;
 }

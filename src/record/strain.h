@@ -7,30 +7,26 @@
 #ifndef MS_STRAIN_H
 #define MS_STRAIN_H
 
-#include "scene/scene.h"
-
-/* Springs and then faces: some of these cells, or all */
-typedef struct ms_cell_range {
-  int64_t first, n;
-} ms_cell_range;
+#include "layout/section.h"
 
 typedef struct ms_strain {
-  ms_cell_range cells;
-  int32_t *edge;           /* the springs between the corners of each face in `cells`; -1: none */
-  float *strain, *tension; /* of `cells`, tension in N */
-  double *exact;           /* 3 nparticles, N: reactions in double precision */
+  int32_t *edge;           /* the springs between the corners of each face; -1: none */
+  float *strain, *tension; /* of the cells, springs and then faces; tension in N */
   float *reaction;         /* 3 nparticles, N; NULL: no particle was pinned at ms_strain_init */
+  double *exact;           /* the same of the rows of a section, in double precision */
+  size_t rows;             /* of `exact` */
 } ms_strain;
 
-static inline ms_cell_range ms_cell_range_all(const ms_scene *scene) {
-  return (ms_cell_range){0, (int64_t)scene->nsprings + scene->nfaces};
-}
+/* For the cells of a section. reactions: 1 to compute those, too, if particles are pinned. Call
+ * ms_strain_free always. */
+msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const ms_section *section,
+                           int reactions, const msim_allocator *alloc, msim_error *err);
 
-/* Find the springs of these faces. reactions: 1 to compute those, too, if particles are pinned.
- * Call ms_strain_free always. */
-msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, ms_cell_range cells, int reactions,
-                           const msim_allocator *alloc, msim_error *err);
-void ms_strain_compute(ms_strain *s, const ms_scene *scene, const double *x, const double *v);
+/* The section has the same cells, and with reactions the ends of all springs and angular springs
+ * at pinned particles. Fails for want of memory only where it has more rows than before. */
+msim_status ms_strain_compute(ms_strain *s, const ms_scene *scene, const ms_section *section,
+                              const double *x, const double *v, const msim_allocator *alloc,
+                              msim_error *err);
 void ms_strain_free(ms_strain *s, const msim_allocator *alloc);
 
 #endif

@@ -74,7 +74,8 @@ static void restart(msim_sim *sim, const msim_state *now) {
 }
 
 static double measure_energy_below_rest(const ms_scene *s, int32_t spring, const double *x) {
-  return fmax(0, -ms_reference_compute_spring_energy(s, spring, x));
+  const ms_section all = ms_section_whole(s);
+  return fmax(0, -ms_reference_compute_spring_energy(s, &all, spring, x));
 }
 
 void ms_breaking_break(msim_sim *sim, int32_t n, const int32_t *springs) {

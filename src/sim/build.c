@@ -7,6 +7,7 @@
 #include "physics/rank_model.h"
 #include "sim/breaking.h"
 #include "sim/island_step.h"
+#include "sim/rank_section.h"
 #include "sim/reuse.h"
 #include "sim/step_driver.h"
 
@@ -209,6 +210,7 @@ msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *er
     return status;
   }
   if (sim->reuse) ms_reuse_finish(sim);
+  ms_rank_section_destroy(sim); /* its unknowns may be others now */
   ms_breaking_set_before(sim->scene);
   ms_sim_destroy_detached(sim, &old);
   ms_sim_set_solver_scene(sim, NULL);

@@ -7,7 +7,7 @@
 static msim_islands make_islands(const ms_scene *scene, const msim_state *now, int32_t *of,
                                  int32_t n, double *energies) {
   const ms_energies each = {energies, energies + n, energies + 2 * (size_t)n};
-  ms_energy_add(scene, now->x, now->v, of, &each);
+  ms_energy_add_parts(scene, now->x, now->v, of, &each);
   return (msim_islands){.n = n,
                         .of = of,
                         .kinetic = each.kinetic,

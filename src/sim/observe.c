@@ -10,7 +10,7 @@
 #include "physics/moving_pins.h"
 #include "physics/reference.h"
 #include "scene/laws.h"
-#include "sim/sim.h"
+#include "sim/rank_section.h"
 
 const ms_island_sim *ms_sim_largest_island(const msim_sim *sim) {
   const ms_island_sim *largest = sim->islands;
@@ -20,37 +20,36 @@ const ms_island_sim *ms_sim_largest_island(const msim_sim *sim) {
   return largest;
 }
 
-/* Interpolate inside the last step, in an island that is not at rest. */
-static void interpolate_island(msim_sim *sim, ms_island_sim *m) {
+/* 1: the time shown is inside the last step of an island that is not at rest. */
+static int is_inside_step(const msim_sim *sim, const ms_island_sim *m) {
+  return ms_sim_has_control(sim) && sim->run.t_shown != sim->run.t && !m->at_rest;
+}
+
+/* The rows of an island in the present state. x_next, v_next and scratch are free between steps. */
+static void show_island(const msim_sim *sim, ms_island_sim *m, const double **x, const double **v) {
+  const ms_integrator *method = sim->config.integrator;
   ms_stepper *s = &m->stepper;
-  const double theta = 1 - (sim->run.t - sim->run.t_shown) / s->h;
-  ms_interpolate(sim->config.integrator, s, theta, s->x_spare[0], s->v_spare[0]);
-  ms_unknowns_scatter(&m->model.unknowns, s->x_spare[0], sim->state_x);
-  ms_unknowns_scatter(&m->model.unknowns, s->v_spare[0], sim->state_v);
+  *x = s->x, *v = s->v;
+  if (is_inside_step(sim, m)) {
+    const double theta = 1 - (sim->run.t - sim->run.t_shown) / s->h;
+    ms_interpolate(method, s, theta, s->x_spare[0], s->v_spare[0]);
+    *x = s->x_spare[0], *v = s->v_spare[0];
+  } else if (method->convert_state) {
+    method->convert_state(s, s->x_next, s->v_next);
+    *x = s->x_next, *v = s->v_next;
+  } else if (method->sync) {
+    method->sync(s, s->v_next, s->scratch);
+    *v = s->v_next;
+  }
 }
 
 static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
-  const ms_stepper *s = &m->stepper;
   const ms_unknowns *rows = &m->model.unknowns;
-  if (ms_sim_has_control(sim) && sim->run.t_shown != sim->run.t && !m->at_rest) {
-    interpolate_island(sim, m);
-    return;
-  }
-  if (sim->config.integrator->convert_state) {
-    sim->config.integrator->convert_state(s, s->x_next, s->v_next); /* free between steps */
-    ms_unknowns_scatter(rows, s->x_next, sim->state_x);
-    ms_unknowns_scatter(rows, s->v_next, sim->state_v);
-    return;
-  }
-  ms_unknowns_scatter(rows, s->x, sim->state_x);
-  if (sim->config.integrator->sync) {
-    ms_unknowns_scatter(rows, s->v, sim->state_v_half);
-    double *v = s->v_next; /* free between steps */
-    sim->config.integrator->sync(s, v, s->scratch);
-    ms_unknowns_scatter(rows, v, sim->state_v);
-  } else {
-    ms_unknowns_scatter(rows, s->v, sim->state_v);
-  }
+  const double *x, *v;
+  show_island(sim, m, &x, &v);
+  ms_unknowns_scatter(rows, x, sim->state_x);
+  ms_unknowns_scatter(rows, v, sim->state_v);
+  if (sim->config.integrator->sync) ms_unknowns_scatter(rows, m->stepper.v, sim->state_v_half);
 }
 
 /* Each rank has the state of its own particles; now all have that of all. */
@@ -61,7 +60,7 @@ static void gather_ranks(msim_sim *sim) {
   if (sim->config.integrator->sync) ms_rank_part_gather(sim->part, n, sim->state_v_half);
 }
 
-/* Copy the state to the arrays in particle order, at most once per step, and only on demand. */
+/* Copy the state to the arrays, at most once per step, and only on demand. */
 static void update_state_arrays(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands && !sim->state_is_current; i++)
     copy_island_state(sim, &sim->islands[i]);
@@ -72,9 +71,36 @@ static void update_state_arrays(msim_sim *sim) {
   sim->state_is_current = 1;
 }
 
+/* The arrays have the present state, in the order of the particles. */
+static msim_status provide_state(msim_sim *sim) {
+  const msim_status status = ms_sim_provide_arrays(sim, NULL);
+  if (status) return status;
+  update_state_arrays(sim);
+  return sim->ranks ? sim->ranks->failed : MSIM_OK;
+}
+
+/* Pinned particles, and the axis left out, are as in the scene. */
+msim_status ms_sim_update_section(msim_sim *sim, msim_error *err) {
+  const msim_status status = ms_rank_section_create(sim, err);
+  const double *x, *v;
+  if (status) return status;
+  if (sim->state_x) {
+    update_state_arrays(sim);
+    ms_rank_section_copy(sim->section, sim->state_x, sim->state_v);
+  } else {
+    ms_rank_section_copy(sim->section, sim->scene->x, sim->scene->v);
+    if (!sim->state_is_current) {
+      show_island(sim, sim->islands, &x, &v);
+      ms_rank_section_exchange(sim, x, v);
+    }
+  }
+  return ms_ranks_agree(sim->ranks, MSIM_OK, err);
+}
+
 msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
   if (!sim || !state) return MSIM_ERR_ARG;
-  update_state_arrays(sim);
+  const msim_status status = state->size > MSIM_STATE_TIME ? provide_state(sim) : MSIM_OK;
+  if (status) return status;
   msim_state full = {.step = sim->run.step,
                      .t = ms_sim_time(sim),
                      .n = sim->scene->nparticles,
@@ -84,15 +110,17 @@ msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
                      .h = sim->run.h,
                      .work = sim->run.work,
                      .nsprings = sim->scene->nsprings};
-  if (sim->ranks && sim->ranks->failed) return sim->ranks->failed;
   return ms_sized_write(state, &full, sizeof full);
 }
 
 msim_status msim_sim_energy(msim_sim *sim, msim_energy *energy) {
   if (!sim || !energy) return MSIM_ERR_ARG;
-  update_state_arrays(sim);
   msim_energy full = {0};
-  ms_energy_compute(sim->scene, sim->state_x, sim->state_v, &full);
+  const msim_status status = sim->part ? ms_sim_update_section(sim, NULL) : provide_state(sim);
+  if (status) return status;
+  if (sim->part) full = ms_rank_section_sum_energy(sim);
+  else ms_energy_compute(sim->scene, sim->state_x, sim->state_v, &full);
+  if (sim->part && sim->ranks->failed) return sim->ranks->failed;
   full.work = sim->run.work;
   return ms_sized_write(energy, &full, sizeof full);
 }
@@ -148,8 +176,10 @@ void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *for
 
 msim_status msim_sim_reactions(msim_sim *sim, double *reaction) {
   if (!sim || !reaction) return MSIM_ERR_ARG;
-  update_state_arrays(sim);
-  ms_reference_compute_reactions(sim->scene, sim->state_x, sim->state_v, reaction);
+  const msim_status status = provide_state(sim);
+  if (status) return status;
+  const ms_section all = ms_section_whole(sim->scene);
+  ms_reference_compute_reactions(sim->scene, &all, sim->state_x, sim->state_v, reaction);
   return MSIM_OK;
 }
 
@@ -163,7 +193,8 @@ msim_status msim_sim_broken(const msim_sim *sim, uint8_t *broken) {
 msim_status msim_sim_springs(msim_sim *sim, double *tension, double *elongation, double *strain) {
   if (!sim) return MSIM_ERR_ARG;
   const ms_scene *scene = sim->scene;
-  update_state_arrays(sim);
+  const msim_status status = provide_state(sim);
+  if (status) return status;
   for (int32_t e = 0; e < scene->nsprings; e++) {
     double more;
     const double pull = ms_reference_compute_tension(scene, e, sim->state_x, sim->state_v, &more);

@@ -7,6 +7,7 @@
 #include "linear/backends.h"
 #include "methods/methods.h"
 #include "sim/breaking.h"
+#include "sim/rank_section.h"
 #include "sim/rank_sim.h"
 #include "contact/reflection.h"
 #include "sim/start_check.h"
@@ -177,6 +178,15 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
   return MSIM_OK;
 }
 
+/* 1: the sim has arrays of the state from the beginning. Several ranks need them where something in
+ * a step refers to particles of other ranks, or where the state at the start is not that of the
+ * vectors. */
+static int needs_arrays(const msim_sim *sim) {
+  const ms_integrator *method = sim->config.integrator;
+  return !sim->part || sim->scene->nmotions > 0 || sim->scene->broken || method->sync ||
+         method->convert_state;
+}
+
 /* All that precedes the islands */
 static msim_status prepare_sim(msim_sim *sim, const msim_options *opt, const msim_state *start,
                                ms_sim_choose *choose, msim_error *err) {
@@ -190,7 +200,8 @@ static msim_status prepare_sim(msim_sim *sim, const msim_options *opt, const msi
   if (!status && !ms_sim_has_control(sim))
     status = ms_step_limit_resolve_auto(sim, &sim->config.opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
-  return status ? status : ms_sim_reserve_state(sim, sim->scene->nparticles, err);
+  if (status || !needs_arrays(sim)) return status;
+  return ms_sim_reserve_state(sim, sim->scene->nparticles, err);
 }
 
 /* NULL: out of memory. */
@@ -276,6 +287,7 @@ void msim_sim_destroy(msim_sim *sim) {
     return;
   }
   ms_sim_free_matrix(sim);
+  ms_rank_section_destroy(sim);
   ms_sim_destroy_islands(sim);
   ms_pool_destroy(sim->pool);
   ms_text_free(&sim->explanation);

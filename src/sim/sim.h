@@ -41,10 +41,11 @@ struct ms_island_reuse;
 
 struct msim_sim {
   msim_allocator alloc;
-  ms_ranks *ranks;        /* that share the scene; NULL: one process has all of it */
-  ms_rank_part *part;     /* what this rank computes; NULL likewise */
-  int ranks_stop;         /* 1: the ranks have agreed to stop after the step just made */
-  ms_scene *scene;        /* reference counted */
+  ms_ranks *ranks;                 /* that share the scene; NULL: one process has all of it */
+  ms_rank_part *part;              /* what this rank computes; NULL likewise */
+  struct ms_rank_section *section; /* what this rank has for output; NULL: not requested */
+  int ranks_stop;                  /* 1: the ranks have agreed to stop after the step just made */
+  ms_scene *scene;                 /* reference counted */
   ms_scene *created_from; /* has the forces and pins of the creation; NULL: `scene` has them */
   ms_scene *edited_from;  /* the scene before the first edit; NULL: there was none */
   int64_t edits;          /* changes of particles and springs, by edits and checkpoints */
@@ -67,8 +68,10 @@ struct msim_sim {
   uint64_t scene_hashes[MS_SCENE_HASHES]; /* hashes of the scene's arrays, see fingerprint.h */
   int scene_is_hashed;
 
-  double *state_x, *state_v, *state_v_half; /* 3n, particle order: the state as last requested */
-  int state_is_current;
+  /* 3n, particle order: the state as last requested. Several ranks may not have them: before they
+   * are requested for the first time */
+  double *state_x, *state_v, *state_v_half;
+  int state_is_current;      /* without arrays: the state is that of the scene */
   int32_t state_capacity;    /* particles of these arrays */
   ms_retired_state *retired; /* arrays that were too small: borrowed pointers stay valid */
 
@@ -146,6 +149,13 @@ void ms_sim_set_edited_from(msim_sim *sim, ms_scene *before);
  * until the sim is destroyed. */
 msim_status ms_sim_reserve_state(msim_sim *sim, int32_t n, msim_error *err);
 void ms_sim_free_state(msim_sim *sim);
+
+/* Make the arrays of the state where several ranks do not have them yet; collective. */
+msim_status ms_sim_provide_arrays(msim_sim *sim, msim_error *err);
+
+/* Make the section that this rank has for output, if it is not there, and set it to the present
+ * state (rank_section.h); collective. */
+msim_status ms_sim_update_section(msim_sim *sim, msim_error *err);
 
 /* Build all islands anew, with the same components, and start them in the present state. */
 msim_status ms_sim_rebuild_islands(msim_sim *sim, msim_error *err);

@@ -33,42 +33,6 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
   return MSIM_OK;
 }
 
-/*------------------------------------- arrays of the state --------------------------------------*/
-
-/* At least twice as many as before, so that all older arrays together are shorter. auto may choose
- * a method later that carries v_half. */
-msim_status ms_sim_reserve_state(msim_sim *sim, int32_t n, msim_error *err) {
-  double **arrays[] = {&sim->state_x, &sim->state_v, &sim->state_v_half};
-  const int count = sim->config.integrator->sync || ms_sim_selects(sim) ? 3 : 2;
-  const size_t old = 3 * (size_t)sim->state_capacity, size = 3 * (size_t)n;
-  ms_retired_state *last = NULL;
-  double *fresh[3] = {NULL};
-  if (n <= sim->state_capacity) return MSIM_OK;
-  int fits = old == 0 || MS_NEW(&sim->alloc, last, 1);
-  for (int i = 0; i < count; i++)
-    fits = fits && MS_NEW(&sim->alloc, fresh[i], size > 2 * old ? size : 2 * old);
-  if (!fits) {
-    MS_FREE(&sim->alloc, last, fresh[0], fresh[1], fresh[2]);
-    return ms_error_set_memory(err, "the state");
-  }
-  for (int i = 0; i < count; i++) {
-    if (last) memcpy(fresh[i], *arrays[i], old * sizeof *fresh[i]), last->arrays[i] = *arrays[i];
-    *arrays[i] = fresh[i];
-  }
-  if (last) last->next = sim->retired, sim->retired = last;
-  sim->state_capacity = size > 2 * old ? n : 2 * sim->state_capacity;
-  return MSIM_OK;
-}
-
-void ms_sim_free_state(msim_sim *sim) {
-  while (sim->retired) {
-    ms_retired_state *last = sim->retired;
-    sim->retired = last->next;
-    MS_FREE(&sim->alloc, last->arrays[0], last->arrays[1], last->arrays[2], last);
-  }
-  MS_FREE(&sim->alloc, sim->state_x, sim->state_v, sim->state_v_half);
-}
-
 /*------------------------------------- start ----------------------------------------------------*/
 
 /* A state outside the scene's plane needs three components. A split of the springs belongs to h. */
@@ -174,29 +138,39 @@ void ms_sim_subtract_steps_made(msim_sim *sim) {
   *steps -= made;
 }
 
+static void set_arrays(msim_sim *sim, const msim_state *state) {
+  const size_t bytes = 3 * (size_t)state->n * sizeof(double);
+  if (!sim->state_x) return;
+  memmove(sim->state_x, state->x, bytes);
+  memmove(sim->state_v, state->v, bytes);
+}
+
+/* The velocities that the method carries, those of the state along an axis left out */
+static void start_v_half(msim_sim *sim, const msim_state *state) {
+  if (!sim->config.integrator->sync) return;
+  memcpy(sim->state_v_half, sim->state_v, 3 * (size_t)state->n * sizeof *state->v);
+  for (int32_t i = 0; i < sim->nislands; i++)
+    ms_unknowns_scatter(&sim->islands[i].model.unknowns, sim->islands[i].stepper.v,
+                        sim->state_v_half);
+  if (sim->part) ms_rank_part_gather(sim->part, state->n, sim->state_v_half);
+}
+
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_plan plan = sim->config.plan;
   const ms_run_state run = sim->run;
-  msim_status status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
+  msim_status status = state->x == sim->scene->x ? MSIM_OK : ms_sim_provide_arrays(sim, err);
+  if (!status) status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
   if (!status) status = fit_components(sim, state, err);
   if (status) {
     sim->config.plan = plan, sim->run = run;
     return status;
   }
-  const size_t bytes = 3 * (size_t)state->n * sizeof(double);
   sim->run.step = sim->run.step0 = state->step;
   sim->run.work = state->work;
   if (ms_sim_has_control(sim)) ms_step_driver_start_control(sim);
-  memmove(sim->state_x, state->x, bytes);
-  memmove(sim->state_v, state->v, bytes);
+  set_arrays(sim, state);
   ms_sim_start_islands(sim, state);
-  if (sim->config.integrator->sync) {
-    memcpy(sim->state_v_half, sim->state_v, bytes); /* 0 along an axis left out */
-    for (int32_t i = 0; i < sim->nislands; i++)
-      ms_unknowns_scatter(&sim->islands[i].model.unknowns, sim->islands[i].stepper.v,
-                          sim->state_v_half);
-    if (sim->part) ms_rank_part_gather(sim->part, state->n, sim->state_v_half);
-  }
+  start_v_half(sim, state);
   sim->state_is_current = 1;
   ms_sim_start_pins(sim);
   ms_energy_monitor_start(sim);

@@ -119,7 +119,7 @@ static void print_name(const report *r, const arguments *args) {
 void report_run(const report *r, const arguments *args, msim_sim *sim) {
   msim_plan plan = {.size = sizeof plan};
   msim_stats stats = {.size = sizeof stats};
-  msim_state state = {.size = sizeof state};
+  msim_state state = {.size = MSIM_STATE_TIME};
   msim_energy end = {.size = sizeof end};
   msim_sim_plan(sim, &plan);
   msim_sim_stats(sim, &stats);

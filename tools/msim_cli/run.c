@@ -28,7 +28,7 @@ typedef struct run {
   table tables[NTABLES];
   progress bar;
   report report;
-  msim_state first;   /* first state; its arrays are not used */
+  msim_state first;   /* first state, without its arrays */
   msim_state from;    /* state where the run starts or resumes: `first`, or a file's last frame */
   double h;           /* s */
   double t_end;       /* s */
@@ -82,7 +82,7 @@ static void note_meshes(run *r) {
 /* Find the last step; the plan counts from the first state. */
 static void find_end(run *r) {
   msim_plan plan = {.size = sizeof plan};
-  r->first.size = sizeof r->first;
+  r->first.size = MSIM_STATE_TIME;
   msim_sim_state(r->sim, &r->first);
   msim_sim_plan(r->sim, &plan);
   r->h = plan.h;
@@ -220,7 +220,7 @@ static msim_status simulate(run *r, msim_error *err) {
 
 static int at_frame(msim_sim *sim, void *user) {
   run *r = user;
-  msim_state now = {.size = sizeof now};
+  msim_state now = {.size = MSIM_STATE_TIME};
   msim_sim_state(sim, &now);
   if (has_frames(r)) r->failed = record_frame_at(r, now.t, &r->why);
   progress_update(&r->bar, clock_seconds(), now.step, now.t, r->t_end);
@@ -278,7 +278,7 @@ static void print_end(msim_status status, const msim_state *last, const msim_err
 }
 
 static int finish(run *r, msim_status status, msim_error *err) {
-  msim_state last = {.size = sizeof last};
+  msim_state last = {.size = MSIM_STATE_TIME};
   msim_sim_state(r->sim, &last);
   if (status == MSIM_STOPPED && last.t >= r->t_end) status = MSIM_OK;
   status = end_recording(r, status, &last, err);

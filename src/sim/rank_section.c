@@ -1,0 +1,161 @@
+#include "sim/rank_section.h"
+
+#include "physics/energy.h"
+
+enum { NONE = -1 };
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+/* What ranks want of each other: 64-bit numbers of particles */
+typedef struct requests {
+  int64_t *nin, *nout;           /* nranks: particles wanted from each rank, and by it */
+  int64_t *in_bytes, *out_bytes; /* nranks: scratch */
+  int64_t *in, *out;             /* their numbers, by rank */
+} requests;
+
+static int32_t count_rows(const ms_rank_section *s) { return s->is.n + s->is.nothers; }
+
+/* Only the first rank writes reactions. */
+static int list_others(const msim_sim *sim, ms_rank_section *s) {
+  const ms_scene *scene = sim->scene;
+  uint8_t *mark;
+  int32_t n = 0;
+  if (!MS_NEW(&sim->alloc, mark, scene->nparticles)) return 0;
+  ms_section_mark_others(scene, &s->is, sim->ranks->rank == 0, mark);
+  for (int32_t p = 0; p < scene->nparticles; p++) s->is.nothers += mark[p];
+  const int fits = MS_NEW(&sim->alloc, s->other, s->is.nothers) != NULL;
+  for (int32_t p = 0; p < scene->nparticles && fits; p++)
+    if (mark[p]) s->other[n++] = p;
+  s->is.other = s->other;
+  ms_memory_free(&sim->alloc, mark);
+  return fits;
+}
+
+/* Sort the rows of free particles by their owners. */
+static int sort_rows(const msim_sim *sim, ms_rank_section *s) {
+  const int32_t n = count_rows(s);
+  int32_t *owner;
+  if (!MS_NEW(&sim->alloc, owner, n)) return 0;
+  for (int32_t i = 0; i < n; i++)
+    owner[i] = sim->part->owner[ms_section_particle(&s->is, (size_t)i)]; /* MS_NO_OWNER: none */
+  const int fits = ms_buckets_create(&sim->alloc, n, owner, sim->ranks->n, &s->in);
+  ms_memory_free(&sim->alloc, owner);
+  return fits;
+}
+
+static int list_wanted(const msim_sim *sim, ms_rank_section *s, requests *q) {
+  const msim_allocator *alloc = &sim->alloc;
+  const size_t n = (size_t)sim->ranks->n;
+  s->is = ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
+  if (!list_others(sim, s) || !sort_rows(sim, s)) return 0;
+  const int32_t rows = count_rows(s), nin = s->in.first[n];
+  if (!MS_NEW(alloc, s->x, 3 * (size_t)rows) || !MS_NEW(alloc, s->v, 3 * (size_t)rows) ||
+      !MS_NEW(alloc, s->send_bytes, n) || !MS_NEW(alloc, s->receive_bytes, n) ||
+      !MS_NEW(alloc, s->receive, nin) || !MS_NEW(alloc, q->nin, n) || !MS_NEW(alloc, q->nout, n) ||
+      !MS_NEW(alloc, q->in_bytes, n) || !MS_NEW(alloc, q->out_bytes, n) ||
+      !MS_NEW(alloc, q->in, nin))
+    return 0;
+  for (int32_t k = 0; k < nin; k++) q->in[k] = ms_section_particle(&s->is, (size_t)s->in.item[k]);
+  for (size_t r = 0; r < n; r++) {
+    q->nin[r] = s->in.first[r + 1] - s->in.first[r];
+    q->in_bytes[r] = sizeof *q->nin;
+    s->receive_bytes[r] = q->nin[r] * (int64_t)sizeof *s->receive;
+  }
+  return 1;
+}
+
+static int allocate_messages(const msim_sim *sim, ms_rank_section *s, requests *q) {
+  for (int32_t r = 0; r < sim->ranks->n; r++) {
+    s->nout += (int32_t)q->nout[r];
+    q->in_bytes[r] = q->nin[r] * (int64_t)sizeof *q->in;
+    q->out_bytes[r] = q->nout[r] * (int64_t)sizeof *q->out;
+    s->send_bytes[r] = q->nout[r] * (int64_t)sizeof *s->send;
+  }
+  return MS_NEW(&sim->alloc, q->out, s->nout) && MS_NEW(&sim->alloc, s->out, s->nout) &&
+         MS_NEW(&sim->alloc, s->send, s->nout);
+}
+
+/* The scenes of all ranks are the same (ms_rank_sim_compare): they ask for own particles only. */
+static int find_unknowns(const msim_sim *sim, ms_rank_section *s, const requests *q) {
+  int32_t *row;
+  if (!MS_NEW(&sim->alloc, row, sim->scene->nparticles)) return 0;
+  ms_unknowns_find_rows(&sim->islands->model.unknowns, row);
+  for (int32_t k = 0; k < s->nout; k++) s->out[k] = row[q->out[k]];
+  ms_memory_free(&sim->alloc, row);
+  return 1;
+}
+
+static msim_status agree_on_memory(const msim_sim *sim, int fits, msim_error *err) {
+  const msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame");
+  return ms_ranks_agree(sim->ranks, status, err);
+}
+
+static msim_status connect(msim_sim *sim, ms_rank_section *s, requests *q, msim_error *err) {
+  ms_ranks *ranks = sim->ranks;
+  msim_status status = agree_on_memory(sim, s && list_wanted(sim, s, q), err);
+  if (status) return status;
+  ms_ranks_all_to_all(ranks, q->in_bytes, q->nin, q->in_bytes, q->nout);
+  status = agree_on_memory(sim, ranks->failed || allocate_messages(sim, s, q), err);
+  if (status) return status;
+  ms_ranks_all_to_all(ranks, q->in_bytes, q->in, q->out_bytes, q->out);
+  return agree_on_memory(sim, ranks->failed || find_unknowns(sim, s, q), err);
+}
+
+msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
+  const msim_allocator *alloc = &sim->alloc;
+  requests q = {0};
+  if (sim->section) return MSIM_OK;
+  MS_NEW(alloc, sim->section, 1);
+  const msim_status status = connect(sim, sim->section, &q, err);
+  MS_FREE(alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
+  if (status) ms_rank_section_destroy(sim);
+  return status;
+}
+
+void ms_rank_section_destroy(msim_sim *sim) {
+  ms_rank_section *s = sim->section;
+  if (!s) return;
+  ms_buckets_destroy(&sim->alloc, &s->in);
+  MS_FREE(&sim->alloc, s->x, s->v, s->other, s->out, s->send_bytes, s->receive_bytes, s->send,
+          s->receive, s);
+  sim->section = NULL;
+}
+
+/*------------------------------------- use ------------------------------------------------------*/
+
+void ms_rank_section_copy(ms_rank_section *s, const double *x, const double *v) {
+  for (size_t i = 0; i < (size_t)count_rows(s); i++) {
+    const size_t p = 3 * (size_t)ms_section_particle(&s->is, i);
+    for (size_t c = 0; c < 3; c++) s->x[3 * i + c] = x[p + c], s->v[3 * i + c] = v[p + c];
+  }
+}
+
+static void exchange_vector(const msim_sim *sim, const double *vec, double *rows) {
+  const ms_unknowns *of = &sim->islands->model.unknowns;
+  const ms_rank_section *s = sim->section;
+  for (int32_t c = 0; c < of->dims; c++) {
+    for (int32_t k = 0; k < s->nout; k++)
+      s->send[k] = vec[(size_t)c * (size_t)of->stride + (size_t)s->out[k]];
+    ms_ranks_all_to_all(sim->ranks, s->send_bytes, s->send, s->receive_bytes, s->receive);
+    for (int32_t k = 0; k < s->in.first[sim->ranks->n]; k++)
+      rows[3 * (size_t)s->in.item[k] + (size_t)of->axis[c]] = s->receive[k];
+  }
+}
+
+void ms_rank_section_exchange(const msim_sim *sim, const double *x, const double *v) {
+  exchange_vector(sim, x, sim->section->x);
+  exchange_vector(sim, v, sim->section->v);
+}
+
+/* The sums pass from rank to rank. */
+msim_energy ms_rank_section_sum_energy(const msim_sim *sim) {
+  const ms_rank_section *s = sim->section;
+  msim_energy sum = {0};
+  for (int round = 0; round < MS_ENERGY_ROUNDS; round++)
+    for (int32_t r = 0; r < sim->ranks->n; r++) {
+      if (r == sim->ranks->rank) ms_energy_add_section(sim->scene, &s->is, s->x, s->v, round, &sum);
+      ms_ranks_broadcast(sim->ranks, r, sizeof sum, &sum);
+    }
+  ms_energy_set_total(&sum);
+  return sum;
+}
