@@ -44,13 +44,15 @@ static const struct {
 } scenes[] = {{"cloth", cloth}, {"solid", solid}, {"damped", damped}, {"flat", flat}};
 
 /* 1 if the method takes the scene; *hash: of its final state. */
-static int end_of(msim_scene *scene, const char *method, double tol, uint64_t *hash) {
+static int end_of(msim_scene *scene, const char *method, double tol, int precision,
+                  uint64_t *hash) {
   msim_options opt = options(method, 0.002);
   msim_sim *sim;
   msim_error err;
   opt.solver = "pcg";
   opt.watch = MSIM_WATCH_OFF; /* an unbounded end state is compared all the same */
   opt.tol = tol;
+  opt.precision = precision;
   opt.steps = tol > 0 ? -1 : STEPS;
   opt.t_end = tol > 0 ? STEPS * 0.002 : -1;
   if (msim_sim_create(scene, &opt, &sim, &err) != MSIM_OK) return 0;
@@ -63,16 +65,22 @@ static int end_of(msim_scene *scene, const char *method, double tol, uint64_t *h
 
 /* Call a function for each run, such as "avx2 solid heun". */
 static void each(const char *isa, void (*tell)(const char *run, uint64_t hash)) {
+  static const struct {
+    const char *name;
+    double tol;
+    int precision;
+  } ways[] = {{"", 0, MSIM_PRECISION_DOUBLE},
+              {"/tol", 1e-3, MSIM_PRECISION_DOUBLE},
+              {"/single", 0, MSIM_PRECISION_SINGLE}};
   const char *method;
   for (size_t s = 0; s < sizeof scenes / sizeof *scenes; s++) {
     msim_scene *scene = scenes[s].make();
     for (int32_t m = 0; (method = method_at(m)) != NULL; m++)
-      for (int controlled = 0; controlled < 2; controlled++) {
+      for (int w = 0; w < 3; w++) {
         char run[128];
         uint64_t hash;
-        snprintf(run, sizeof run, "%s %s %s%s", isa, scenes[s].name, method,
-                 controlled ? "/tol" : "");
-        if (end_of(scene, method, controlled ? 1e-3 : 0, &hash)) tell(run, hash);
+        snprintf(run, sizeof run, "%s %s %s%s", isa, scenes[s].name, method, ways[w].name);
+        if (end_of(scene, method, ways[w].tol, ways[w].precision, &hash)) tell(run, hash);
       }
     msim_scene_destroy(scene);
   }

@@ -15,7 +15,7 @@ static void bad_numbers_are_found(void **state) {
   const double fine[] = {MS_LARGEST_VALID, -MS_LARGEST_VALID, 0.0, 5e-324, 1e100};
   double x[MOST];
   for (int k = 0; k < 2 * (ms_isa_choose() + 1); k++) {
-    const ms_shape shape = {ROWS, STRIDE, 2 + k % 2, k / 2, NULL};
+    const ms_shape shape = {ROWS, STRIDE, 2 + k % 2, k / 2, 0, NULL};
     for (int32_t at = 0; at < shape.dims * STRIDE; at++)
       for (int i = 0; i < 5; i++) {
         const int counts = at % STRIDE < ROWS; /* padding does not count */
@@ -27,7 +27,7 @@ static void bad_numbers_are_found(void **state) {
       }
     for (int q = 0; q < MOST; q++) x[q] = q % 2 ? MS_LARGEST_VALID : -MS_LARGEST_VALID;
     assert_int_equal(ms_vector_find_invalid(shape, x), -1);
-    assert_int_equal(ms_vector_find_invalid((ms_shape){0, STRIDE, 3, k / 2, NULL}, x), -1);
+    assert_int_equal(ms_vector_find_invalid((ms_shape){0, STRIDE, 3, k / 2, 0, NULL}, x), -1);
   }
 }
 
@@ -45,7 +45,7 @@ static void sums_have_the_same_bits(void **state) {
   for (int k = 0; k < 2 * (ms_isa_choose() + 1); k++) {
     const int is_added = k % 2;
     for (int q = 0; q < MOST; q++) z[q] = -1;
-    ms_vector_linear_combination((ms_shape){ROWS, STRIDE, 3, k / 2, NULL}, is_added ? x : NULL,
+    ms_vector_linear_combination((ms_shape){ROWS, STRIDE, 3, k / 2, 0, NULL}, is_added ? x : NULL,
                                  TERMS, w, of, z);
     for (int q = 0; q < MOST; q++) {
       double sum = 0;

@@ -72,6 +72,14 @@ enum {
   MSIM_HEUN_LITERAL = 2   /* the stage, not the result, so that particles never bounce */
 };
 
+/* The precision of positions, velocities and forces in steps. Times, energies and what the
+ * functions of msim.h return are doubles in any case. */
+enum {
+  MSIM_PRECISION_DOUBLE = 0,
+  MSIM_PRECISION_SINGLE = 1 /* floats, for explicit methods up to order 4 with steps of h, in scenes
+                               of springs without laws: faster, with errors of some 1e-5 */
+};
+
 /* Initial v(-h/2) of `verlet`. */
 enum {
   MSIM_VERLET_TAYLOR = 0, /* v0 - h/2 a0 */
@@ -149,6 +157,7 @@ typedef struct msim_options {
    * [NULL] */
   const msim_comm *comm;
   const char *solver_options; /* for the library behind the solver, in its own words; NULL: none */
+  int32_t precision;          /* MSIM_PRECISION_... [DOUBLE] */
 } msim_options;
 
 /* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for

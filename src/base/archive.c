@@ -25,11 +25,12 @@ void ms_archive_transfer_count(ms_archive *b, int64_t *count) {
   ms_archive_check(b, *count >= 0 && *count < INT64_MAX / 2, "a counter");
 }
 
-void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, double *x) {
+void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, void *x) {
+  const size_t size = ms_vector_number_size(shape);
   for (int32_t c = 0; c < shape.dims; c++) {
-    double *component = x ? x + (size_t)c * (size_t)shape.stride : NULL;
+    void *component = x ? (char *)x + (size_t)c * (size_t)shape.stride * size : NULL;
     if (b->rows) b->rows->transfer(b, component);
-    else ms_archive_transfer(b, component, (size_t)shape.n * sizeof *x);
+    else ms_archive_transfer(b, component, (size_t)shape.n * size);
   }
   if (b->direction == MS_ARCHIVE_READ && !b->rows)
     ms_archive_check(b, ms_vector_find_invalid(shape, x) < 0, "a vector of the state");

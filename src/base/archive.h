@@ -46,7 +46,7 @@ void ms_archive_transfer(ms_archive *b, void *data, size_t size);
 void ms_archive_transfer_count(ms_archive *b, int64_t *count);
 
 /* The n rows of each component of a vector. Read values that are not finite are invalid. */
-void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, double *x);
+void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, void *x);
 
 /* Condition of an optional part, which is always counted. */
 #define MS_ARCHIVE_OPTIONAL(b, there) ((b)->direction == MS_ARCHIVE_COUNT || (there))

@@ -9,7 +9,9 @@ int ms_isa_find(const char *name) {
 #ifdef MSIM_X86_KERNELS
   if (strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
     return MS_ISA_AVX2;
-  if (strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f")) return MS_ISA_AVX512;
+  if (strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f") &&
+      __builtin_cpu_supports("fma"))
+    return MS_ISA_AVX512;
 #endif
   return -1;
 }

@@ -1,4 +1,5 @@
-/* simd - portable vectors of as many doubles as a register of the instruction set holds
+/* simd - portable vectors of as many numbers as a register of the instruction set holds: doubles,
+ * or floats in files that define MS_SINGLE
  *
  * Lanes never interact, so results do not depend on their number, which divides 8; but those of
  * ms_simd_fma and ms_simd_sqrt_and_inverse depend on the instruction set. */
@@ -8,6 +9,7 @@
 /* The warning concerns calls with wide vectors, but all such functions are inlined. */
 #pragma GCC diagnostic ignored "-Wpsabi"
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -15,61 +17,105 @@
 #  include <immintrin.h>
 #endif
 
-/* Tests define it to run the code for 8 lanes with registers of 4. */
+/* Floats fill registers of 8 lanes at most, as half-edges come in slices of 8. Tests define
+ * MS_LANES to run the code for 8 doubles with registers of 4. */
+#ifdef MS_SINGLE
+#  define MS_LANES_OF(doubles, floats) floats
+#else
+#  define MS_LANES_OF(doubles, floats) doubles
+#endif
 #ifndef MS_LANES
 #  if defined(__AVX512F__)
 #    define MS_LANES 8
 #  elif defined(__AVX__)
-#    define MS_LANES 4
+#    define MS_LANES MS_LANES_OF(4, 8)
 #  else
-#    define MS_LANES 2
+#    define MS_LANES MS_LANES_OF(2, 4)
 #  endif
 #endif
 
 /* For functions with arguments that are constants of the caller. */
 #define MS_INLINE static inline __attribute__((always_inline))
 
-typedef double ms_lanes __attribute__((vector_size(8 * MS_LANES)));
-typedef int64_t ms_mask __attribute__((vector_size(8 * MS_LANES))); /* each lane 0 or -1 */
+#ifdef MS_SINGLE
+typedef float ms_real;
+typedef int32_t ms_lane_mask;
+#  define MS_LEAST_NORMAL FLT_MIN
+#  define MS_SQRT         sqrtf
+#else
+typedef double ms_real;
+typedef int64_t ms_lane_mask;
+#  define MS_LEAST_NORMAL DBL_MIN
+#  define MS_SQRT         sqrt
+#endif
 
+typedef ms_real ms_lanes __attribute__((vector_size(sizeof(ms_real) * MS_LANES)));
+/* each lane 0 or -1 */
+typedef ms_lane_mask ms_mask __attribute__((vector_size(sizeof(ms_real) * MS_LANES)));
+
+typedef double ms_doubles __attribute__((vector_size(8 * MS_LANES)));
 typedef float ms_floats __attribute__((vector_size(4 * MS_LANES)));
+
+/* MS_WIDE(op): the intrinsic of AVX or AVX-512 for registers of ms_lanes */
+#if defined(MS_SINGLE) && defined(__AVX__)
+#  define MS_WIDE(op) _mm256_##op##_ps
+#elif defined(MS_SINGLE)
+#elif defined(__AVX512F__)
+#  define MS_WIDE(op) _mm512_##op##_pd
+#elif defined(__AVX__) && MS_LANES == 4
+#  define MS_WIDE(op) _mm256_##op##_pd
+#endif
 
 /* 4 doubles with every instruction set. */
 typedef double ms_quad __attribute__((vector_size(32)));
 typedef float ms_float_quad __attribute__((vector_size(16)));
 
 /* Load and store at any alignment. */
-static inline ms_lanes ms_simd_load(const double *from) {
+static inline ms_lanes ms_simd_load(const ms_real *from) {
   ms_lanes v;
   memcpy(&v, from, sizeof v);
   return v;
 }
 
-static inline void ms_simd_store(double *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
+static inline void ms_simd_store(ms_real *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
 
+/* from and to doubles, whatever the lanes hold */
+static inline ms_lanes ms_simd_load_doubles(const double *from) {
+  ms_doubles v;
+  memcpy(&v, from, sizeof v);
+  return __builtin_convertvector(v, ms_lanes);
+}
+
+static inline void ms_simd_store_doubles(double *to, ms_lanes v) {
+  const ms_doubles wide = __builtin_convertvector(v, ms_doubles);
+  memcpy(to, &wide, sizeof wide);
+}
+
+#ifndef MS_SINGLE
 /* floats to doubles; intrinsics, because GCC 12 converts half a register at a time otherwise */
 static inline ms_lanes ms_simd_load_floats(const float *from) {
-#if defined(__AVX512F__)
+#  if defined(__AVX512F__)
   return (ms_lanes)_mm512_cvtps_pd(_mm256_loadu_ps(from));
-#elif defined(__AVX__) && MS_LANES == 4
+#  elif defined(__AVX__) && MS_LANES == 4
   return (ms_lanes)_mm256_cvtps_pd(_mm_loadu_ps(from));
-#else
+#  else
   ms_floats v;
   memcpy(&v, from, sizeof v);
   return __builtin_convertvector(v, ms_lanes);
-#endif
+#  endif
 }
 
 static inline void ms_simd_store_floats(float *to, ms_lanes v) {
-#if defined(__AVX512F__)
+#  if defined(__AVX512F__)
   _mm256_storeu_ps(to, _mm512_cvtpd_ps(v));
-#elif defined(__AVX__) && MS_LANES == 4
+#  elif defined(__AVX__) && MS_LANES == 4
   _mm_storeu_ps(to, _mm256_cvtpd_ps(v));
-#else
+#  else
   const ms_floats narrow = __builtin_convertvector(v, ms_floats);
   memcpy(to, &narrow, sizeof narrow);
-#endif
+#  endif
 }
+#endif
 
 static inline ms_quad ms_simd_load_quad(const double *from) {
   ms_quad v;
@@ -106,22 +152,22 @@ static inline ms_quad ms_simd_quad_sums(ms_quad a, ms_quad b, ms_quad c, ms_quad
 
 /* mask ? a : b in each lane */
 static inline ms_lanes ms_simd_select(ms_mask mask, ms_lanes a, ms_lanes b) {
-#if defined(__AVX__) && MS_LANES == 4
-  return _mm256_blendv_pd(b, a, (ms_lanes)mask);
+#if defined(MS_WIDE) && MS_LANES == MS_LANES_OF(4, 8)
+  return MS_WIDE(blendv)(b, a, (ms_lanes)mask);
 #else
   return (ms_lanes)((mask & (ms_mask)a) | (~mask & (ms_mask)b));
 #endif
 }
 
 static inline ms_lanes ms_simd_sqrt(ms_lanes v) {
-  double lane[MS_LANES];
+  ms_real lane[MS_LANES];
   ms_simd_store(lane, v);
-  for (int l = 0; l < MS_LANES; l++) lane[l] = sqrt(lane[l]);
+  for (int l = 0; l < MS_LANES; l++) lane[l] = MS_SQRT(lane[l]);
   return ms_simd_load(lane);
 }
 
 /* x[index[0]], x[index[1]], ... */
-static inline ms_lanes ms_simd_gather(const double *x, const int32_t *index) {
+static inline ms_lanes ms_simd_gather(const ms_real *x, const int32_t *index) {
   ms_lanes v;
   /* cppcheck-suppress uninitvar; assigning a lane does not read v */
   for (int l = 0; l < MS_LANES; l++) v[l] = x[index[l]];
@@ -129,12 +175,10 @@ static inline ms_lanes ms_simd_gather(const double *x, const int32_t *index) {
 }
 
 /* max(v, least) in each lane; NaN if v is NaN */
-static inline ms_lanes ms_simd_max(ms_lanes v, double least) {
+static inline ms_lanes ms_simd_max(ms_lanes v, ms_real least) {
   const ms_lanes low = (ms_lanes){0} + least;
-#if defined(__AVX512F__)
-  return _mm512_max_pd(low, v);
-#elif defined(__AVX__) && MS_LANES == 4
-  return _mm256_max_pd(low, v);
+#ifdef MS_WIDE
+  return MS_WIDE(max)(low, v);
 #else
   return ms_simd_select(v < low, low, v);
 #endif
@@ -142,10 +186,8 @@ static inline ms_lanes ms_simd_max(ms_lanes v, double least) {
 
 /* min(a, b) and max(a, b) in each lane; b where a is NaN */
 static inline ms_lanes ms_simd_lower(ms_lanes a, ms_lanes b) {
-#if defined(__AVX512F__)
-  return _mm512_min_pd(a, b);
-#elif defined(__AVX__) && MS_LANES == 4
-  return _mm256_min_pd(a, b);
+#ifdef MS_WIDE
+  return MS_WIDE(min)(a, b);
 #elif defined(__SSE2__) && MS_LANES == 2
   return _mm_min_pd(a, b);
 #else
@@ -154,10 +196,8 @@ static inline ms_lanes ms_simd_lower(ms_lanes a, ms_lanes b) {
 }
 
 static inline ms_lanes ms_simd_upper(ms_lanes a, ms_lanes b) {
-#if defined(__AVX512F__)
-  return _mm512_max_pd(a, b);
-#elif defined(__AVX__) && MS_LANES == 4
-  return _mm256_max_pd(a, b);
+#ifdef MS_WIDE
+  return MS_WIDE(max)(a, b);
 #elif defined(__SSE2__) && MS_LANES == 2
   return _mm_max_pd(a, b);
 #else
@@ -168,10 +208,8 @@ static inline ms_lanes ms_simd_upper(ms_lanes a, ms_lanes b) {
 /* a b + c, rounded once if the instruction set has a fused multiply-add, which is faster, else
  * twice: the last bits of forces depend on it. */
 static inline ms_lanes ms_simd_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
-#if defined(__AVX512F__)
-  return _mm512_fmadd_pd(a, b, c);
-#elif defined(__FMA__) && MS_LANES == 4
-  return _mm256_fmadd_pd(a, b, c);
+#if defined(MS_WIDE) && (defined(__FMA__) || defined(__AVX512F__))
+  return MS_WIDE(fmadd)(a, b, c);
 #elif defined(__FMA__)
   for (int l = 0; l < MS_LANES; l++) c[l] = fma(a[l], b[l], c[l]);
   return c;
@@ -182,10 +220,8 @@ static inline ms_lanes ms_simd_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 
 /* c - a b, rounded as ms_simd_fma */
 static inline ms_lanes ms_simd_fnma(ms_lanes a, ms_lanes b, ms_lanes c) {
-#if defined(__AVX512F__)
-  return _mm512_fnmadd_pd(a, b, c);
-#elif defined(__FMA__) && MS_LANES == 4
-  return _mm256_fnmadd_pd(a, b, c);
+#if defined(MS_WIDE) && (defined(__FMA__) || defined(__AVX512F__))
+  return MS_WIDE(fnmadd)(a, b, c);
 #elif defined(__FMA__)
   return ms_simd_fma(-a, b, c);
 #else
@@ -201,7 +237,7 @@ static inline ms_lanes ms_simd_fnma(ms_lanes a, ms_lanes b, ms_lanes c) {
  * truncated after e^4. l = v/sqrt(v) gets one Newton step, l + (v - l^2)/(2 l). With other
  * instruction sets, a chain of such steps would take as long as the hardware's square root. */
 static inline ms_lanes ms_simd_sqrt_and_inverse(ms_lanes v, ms_lanes *inverse) {
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && !defined(MS_SINGLE)
   const ms_lanes zero = {0}, r = _mm512_rsqrt14_pd(v);
   const ms_lanes e = _mm512_fnmadd_pd(v * r, r, zero + 1);
   ms_lanes series = ms_simd_fma(e, zero + 35. / 128, zero + 5. / 16);

@@ -13,32 +13,37 @@ struct ms_ranks;
 
 typedef struct ms_shape {
   int32_t n;              /* rows */
-  int32_t stride;         /* doubles from one component to the next */
+  int32_t stride;         /* numbers from one component to the next */
   int32_t dims;           /* components */
   int32_t isa;            /* instruction set of the kernels (isa.h) */
+  int32_t single;         /* 1: vectors have floats in place of doubles, in memory for doubles */
   struct ms_ranks *ranks; /* products are sums over all ranks (ranks.h); NULL: over these rows */
 } ms_shape;
 
-void ms_vector_copy(ms_shape s, const double *x, double *y);
+/* The functions with void * are for both precisions; factors are rounded to that of the numbers. */
+
+size_t ms_vector_number_size(ms_shape s); /* bytes */
+
+void ms_vector_copy(ms_shape s, const void *x, void *y);
 
 /* y = x and x = 0 in all rows up to `stride`: pinned particles and padding too */
-void ms_vector_copy_all(ms_shape s, const double *x, double *y);
-void ms_vector_clear_all(ms_shape s, double *x);
+void ms_vector_copy_all(ms_shape s, const void *x, void *y);
+void ms_vector_clear_all(ms_shape s, void *x);
 
-void ms_vector_scale(ms_shape s, double a, double *x);                 /* x = a x */
-void ms_vector_axpy(ms_shape s, double a, const double *x, double *y); /* y += a x */
-void ms_vector_add_scaled(ms_shape s, const double *x, double a, const double *y,
-                          double *z); /* z = x + a y */
-void ms_vector_add_two_scaled(ms_shape s, const double *x, double a, const double *y, double b,
-                              const double *z, double *w); /* w = x + a y + b z */
+void ms_vector_scale(ms_shape s, double a, void *x);               /* x = a x */
+void ms_vector_axpy(ms_shape s, double a, const void *x, void *y); /* y += a x */
+void ms_vector_add_scaled(ms_shape s, const void *x, double a, const void *y,
+                          void *z); /* z = x + a y */
+void ms_vector_add_two_scaled(ms_shape s, const void *x, double a, const void *y, double b,
+                              const void *z, void *w); /* w = x + a y + b z */
 /* y = y0 + a (y1 - y0) + b (y2 - y0) + c f; y may be y1 or y2 */
-void ms_vector_three_term(ms_shape s, const double *y0, double a, const double *y1, double b,
-                          const double *y2, double c, const double *f, double *y);
+void ms_vector_three_term(ms_shape s, const void *y0, double a, const void *y1, double b,
+                          const void *y2, double c, const void *f, void *y);
 
 /* z = x + sum_k w_k y_k, summed in this order. Nullable: x (0). */
 void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w /* n */,
                                   const double *const *y /* n */, double *z);
-double ms_vector_dot(ms_shape s, const double *x, const double *y); /* collective */
+double ms_vector_dot(ms_shape s, const void *x, const void *y); /* collective; sums are doubles */
 
 /* The sum of 8 partial sums, as a binary tree: an order that SIMD registers of any width follow. */
 static inline double ms_vector_sum_lanes(const double l[8]) {
@@ -48,11 +53,12 @@ static inline double ms_vector_sum_lanes(const double l[8]) {
 /* a = D f with the diagonal matrix D, one entry per row. */
 void ms_vector_scale_rows(ms_shape s, const double *d /* n */, const double *f, double *a);
 
-int ms_vector_is_zero(ms_shape s, const double *x);
-int ms_vector_is_equal(ms_shape s, const double *x, const double *y); /* bit for bit */
+int ms_vector_is_zero(ms_shape s, const void *x);
+int ms_vector_is_equal(ms_shape s, const void *x, const void *y); /* bit for bit */
 
-/* Index of the first row that contains NaN or a number beyond MS_LARGEST_VALID; -1: none. */
-int32_t ms_vector_find_invalid(ms_shape s, const double *x);
+/* Index of the first row that contains NaN or a number beyond MS_LARGEST_VALID, of floats beyond
+ * MS_LARGEST_VALID_SINGLE; -1: none. */
+int32_t ms_vector_find_invalid(ms_shape s, const void *x);
 
 /* Index of the first row with the largest magnitude; -1: another rank has it. Collective */
 int32_t ms_vector_find_largest(ms_shape s, const double *x);
@@ -64,5 +70,8 @@ double ms_vector_random_entry(uint32_t i);
 /* Limit of the numbers in a state. Squares overflow at 1.34e154; the margin is for the products in
  * forces and energies. */
 #define MS_LARGEST_VALID 1e140
+
+/* The same for floats, whose squares overflow at 1.84e19 */
+#define MS_LARGEST_VALID_SINGLE 1e18f
 
 #endif

@@ -198,6 +198,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
 /* The value that an entry without a line has; NULL: it has a line in every checkpoint. */
 static const char *implied_value(const char *name) {
   if (strcmp(name, FUNCTION) == 0) return "";
+  if (strcmp(name, "precision") == 0) return "double";
   return strcmp(name, "incomplete") == 0 ? "stop" : NULL;
 }
 

@@ -7,6 +7,7 @@
 #include "choose/method_choice.h"
 #include "integrate/method_state.h"
 #include "linear/solver_state.h"
+#include "physics/single.h"
 #include "scene/laws.h"
 #include "sim/step_driver.h"
 
@@ -115,6 +116,7 @@ static msim_status archive_island(ms_archive *b, msim_sim *sim, const ms_saved_r
   MS_ARCHIVE_TRANSFER(b, m->at_rest);
   ms_archive_check(b, order == here, "the order of particles");
   ms_archive_check(b, (m->at_rest | 1) == 1, "the flag of rest");
+  if (m->model.single) ms_single_archive(b, m->model.single);
   ms_method_state_archive(b, sim->config.integrator, &m->stepper, r->saves_last_step);
   archive_scales(b, &m->norm);
   const msim_status status = archive_solver(b, m->stepper.solver, r, err);

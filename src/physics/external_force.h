@@ -25,11 +25,11 @@ static inline double ms_external_force(const ms_external *e, int32_t axis, doubl
 MS_INLINE ms_lanes ms_external_position_force(const ms_external *e, int32_t axis, ms_lanes mass,
                                               ms_lanes x) {
   (void)x;
-  return mass * e->gravity[axis];
+  return mass * (ms_real)e->gravity[axis];
 }
 
 MS_INLINE ms_lanes ms_external_add_velocity_force(const ms_external *e, ms_lanes v, ms_lanes f) {
-  return ms_simd_fma((ms_lanes){0} - e->drag, v, f);
+  return ms_simd_fma((ms_lanes){0} - (ms_real)e->drag, v, f);
 }
 
 /* -dF/dv (N s/m), and bounds on it for the particles of a scene */

@@ -1,33 +1,48 @@
-/* Kernels for forces and the update of the state, compiled once for each instruction set MS_ISA. */
+/* Kernels for forces and the update of the state, compiled once for each instruction set MS_ISA,
+ * and once more for single precision (single_force_kernels.c). */
 #include "physics/external_force.h"
 #include "physics/force.h"
 #include "physics/fused_step.h"
 #include "physics/lanes.h"
 #include "physics/law_springs.h"
+#include "physics/single.h"
 #include "physics/spring_law.h"
+
+/* Where the model has k, rest, damping, stiffness, and masses, in the precision of the lanes */
+#ifdef MS_SINGLE
+#  define SPRINGS_OF(m) ((m)->single)
+#  define MASSES_OF(m)  ((m)->single)
+#  define LARGEST_VALID MS_LARGEST_VALID_SINGLE
+#  define FORCE_KERNELS ms_single_force_kernels
+#else
+#  define SPRINGS_OF(m) (&(m)->half_edges)
+#  define MASSES_OF(m)  (m)
+#  define LARGEST_VALID MS_LARGEST_VALID
+#  define FORCE_KERNELS ms_force_kernels
+#endif
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
 /* What times d is the force of a spring (spring_law.h), the same for -d and -dv. l^2 is at least
- * MS_MIN_LENGTH2, so that d = 0 has force 0. l is rounded as the rest lengths of the scene are (no
- * fused multiply-add): the force of a spring at rest length is exactly 0. The damping, c d.dv/l^2,
- * is multiplied by 1/l last: little has to wait for the root and the division, so that those of
- * more springs overlap. */
+ * the least normal number, MS_MIN_LENGTH2 of doubles, so that d = 0 has force 0. l is rounded as
+ * the rest lengths of the scene are (no fused multiply-add): the force of a spring at rest length
+ * is exactly 0. The damping, c d.dv/l^2, is multiplied by 1/l last: little has to wait for the root
+ * and the division, so that those of more springs overlap. */
 MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
-                                       const ms_half_edges *half_edges, size_t at) {
+                                       const ms_model *m, size_t at) {
   ms_lanes l2 = d.c[0] * d.c[0], inverse;
   for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
-  const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_MIN_LENGTH2), &inverse);
+  const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_LEAST_NORMAL), &inverse);
   const ms_lanes scale = MS_SPRING_FORCE_OVER_LENGTH(
-      ms_simd_load(half_edges->k + at), ms_simd_load(half_edges->rest + at), l, inverse);
+      ms_simd_load(SPRINGS_OF(m)->k + at), ms_simd_load(SPRINGS_OF(m)->rest + at), l, inverse);
   if (!damped) return scale;
-  const ms_lanes rate = ms_dot_vec(dims, d, dv), c = ms_simd_load(half_edges->damping + at);
+  const ms_lanes rate = ms_dot_vec(dims, d, dv), c = ms_simd_load(SPRINGS_OF(m)->damping + at);
   return ms_simd_fma(MS_DASHPOT_FORCE(c, rate) * inverse, inverse, scale);
 }
 
-MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row, const double *x,
-                                         const double *v) {
-  const ms_lanes mass = ms_simd_load(m->mass + row);
+MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row, const ms_real *x,
+                                         const ms_real *v) {
+  const ms_lanes mass = ms_simd_load(MASSES_OF(m)->mass + row);
   const size_t stride = (size_t)m->unknowns.stride;
   const ms_lane_vectors xi = ms_load_vec(dims, x + row, stride);
   ms_lane_vectors f = {{{0}}};
@@ -47,7 +62,8 @@ typedef enum spring_kind { LINEAR, UNDAMPED, DAMPED, LAWS } spring_kind;
 /* sum + the forces of a slice range's springs on its own rows */
 MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms_model *m,
                                             int32_t range, ms_slice_range p, size_t lane,
-                                            const double *x, const double *v, ms_lane_vectors sum) {
+                                            const ms_real *x, const ms_real *v,
+                                            ms_lane_vectors sum) {
   const size_t stride = (size_t)m->unknowns.stride;
   const ms_half_edges *half_edges = &m->half_edges;
   const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
@@ -57,9 +73,8 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms
     const ms_lane_vectors d = ms_subtract_neighbours(dims, half_edges, entry, lane, x, stride, xi);
     const ms_lane_vectors dv =
         kind == DAMPED ? ms_subtract_neighbours(dims, half_edges, entry, lane, v, stride, vi) : vi;
-    const ms_lanes scale = kind == LINEAR
-                               ? ms_simd_load(half_edges->k + at)
-                               : spring_force_factor(dims, kind == DAMPED, d, dv, half_edges, at);
+    const ms_lanes scale = kind == LINEAR ? ms_simd_load(SPRINGS_OF(m)->k + at)
+                                          : spring_force_factor(dims, kind == DAMPED, d, dv, m, at);
     sum = ms_fnma_vec(dims, scale, d, sum);
   }
   return sum;
@@ -68,11 +83,11 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms
 /* The sum of f/l d, with roundings and order of those of law_kernels.c: no reciprocal, no fused
  * multiply-add. Padding adds 0, as its stiffness is 0. */
 MS_INLINE ms_lane_vectors sum_law_forces(int dims, const ms_model *m, int32_t slice,
-                                         ms_slice_range own, size_t lane, const double *x) {
+                                         ms_slice_range own, size_t lane, const ms_real *x) {
   const size_t stride = (size_t)m->unknowns.stride;
   const ms_half_edges *half_edges = &m->half_edges;
   const ms_lane_vectors xi = ms_load_own(dims, own, lane, x, stride);
-  const double least = sqrt(MS_MIN_LENGTH2);
+  const ms_real least = MS_SQRT(MS_LEAST_NORMAL);
   ms_lane_vectors sum = {{{0}}};
   for (int32_t entry = half_edges->first[slice]; entry < half_edges->first[slice + 1]; entry++) {
     const size_t at = MS_SLICE * (size_t)entry + lane;
@@ -81,8 +96,8 @@ MS_INLINE ms_lane_vectors sum_law_forces(int dims, const ms_model *m, int32_t sl
     ms_lanes l2 = d.c[0] * d.c[0];
     for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
     const ms_lanes l = ms_simd_sqrt(l2);
-    const ms_lanes pull = MS_SPRING_FORCE(ms_simd_load(half_edges->stiffness + at),
-                                          ms_simd_load(half_edges->rest + at), l) /
+    const ms_lanes pull = MS_SPRING_FORCE(ms_simd_load(SPRINGS_OF(m)->stiffness + at),
+                                          ms_simd_load(SPRINGS_OF(m)->rest + at), l) /
                           ms_simd_max(l, least);
     for (int c = 0; c < dims; c++) sum.c[c] += pull * d.c[c];
   }
@@ -90,6 +105,10 @@ MS_INLINE ms_lane_vectors sum_law_forces(int dims, const ms_model *m, int32_t sl
 }
 
 /*------------------------------------- update ---------------------------------------------------*/
+
+MS_INLINE ms_lane_vectors load_rows(int dims, const void *vec, size_t row, size_t stride) {
+  return ms_load_vec(dims, (const ms_real *)vec + row, stride);
+}
 
 /* Compute the results for one register of rows. Returns |x|^2 + |v|^2 of those that
  * ms_fused_step_run checks. */
@@ -99,25 +118,26 @@ MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vecto
   const ms_lanes zero = {0};
   ms_lane_vectors a = f, v = f;
   ms_lanes size = zero;
-  for (int c = 0; c < dims; c++) a.c[c] *= ms_simd_load(m->inv_mass + row);
-  if (p->f) ms_store_vec(dims, p->f + row, stride, f);
-  if (p->a) ms_store_vec(dims, p->a + row, stride, a);
+  for (int c = 0; c < dims; c++) a.c[c] *= ms_simd_load(MASSES_OF(m)->inv_mass + row);
+  if (p->f) ms_store_vec(dims, (ms_real *)p->f + row, stride, f);
+  if (p->a) ms_store_vec(dims, (ms_real *)p->a + row, stride, a);
   if (p->v_to) {
-    v = ms_load_vec(dims, p->v_from + row, stride);
+    v = load_rows(dims, p->v_from, row, stride);
     if (p->a_before)
-      v = ms_fma_vec(dims, zero + p->h_before, ms_load_vec(dims, p->a_before + row, stride), v);
-    v = ms_fma_vec(dims, zero + p->h, a, v);
-    ms_store_vec(dims, p->v_to + row, stride, v);
+      v = ms_fma_vec(dims, zero + (ms_real)p->h_before, load_rows(dims, p->a_before, row, stride),
+                     v);
+    v = ms_fma_vec(dims, zero + (ms_real)p->h, a, v);
+    ms_store_vec(dims, (ms_real *)p->v_to + row, stride, v);
     size += ms_dot_vec(dims, v, v);
   }
   if (p->x_to) {
-    const ms_lane_vectors along = p->along ? ms_load_vec(dims, p->along + row, stride) : v;
+    const ms_lane_vectors along = p->along ? load_rows(dims, p->along, row, stride) : v;
     const ms_lane_vectors x =
-        ms_fma_vec(dims, zero + p->drift, along, ms_load_vec(dims, p->x_from + row, stride));
-    ms_store_vec(dims, p->x_to + row, stride, x);
+        ms_fma_vec(dims, zero + (ms_real)p->drift, along, load_rows(dims, p->x_from, row, stride));
+    ms_store_vec(dims, (ms_real *)p->x_to + row, stride, x);
     size += ms_dot_vec(dims, x, x);
   } else if (p->v_to) {
-    const ms_lane_vectors x = ms_load_vec(dims, p->x + row, stride);
+    const ms_lane_vectors x = load_rows(dims, p->x, row, stride);
     size += ms_dot_vec(dims, x, x);
   }
   return size;
@@ -135,12 +155,13 @@ MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, cons
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const size_t row = own.row + lane;
       ms_lane_vectors f = external_force(dims, m, row, p->x, p->v), of_added = {{{0}}};
-      if (added) of_added = ms_load_vec(dims, added + row, stride);
+      for (int c = 0; c < dims && added; c++)
+        of_added.c[c] = ms_simd_load_doubles(added + (size_t)c * stride + row);
       if (kind == LAWS)
         of_added = ms_add_vec(dims, sum_law_forces(dims, m, slice, own, lane, p->x), of_added);
       if (added || kind == LAWS) f = ms_add_vec(dims, f, of_added);
       if (kind != LAWS) f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
-      bad |= ~(update(dims, m, row, f, p) <= MS_LARGEST_VALID * MS_LARGEST_VALID);
+      bad |= ~(update(dims, m, row, f, p) <= LARGEST_VALID * LARGEST_VALID);
     }
   }
   int any = 0;
@@ -155,7 +176,8 @@ MS_INLINE void sum_part_of(int dims, spring_kind kind, const ms_model *m, const 
   for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
     ms_lane_vectors sum = {{{0}}};
     sum = add_spring_forces(dims, kind, m, range, own, lane, p->x, p->v, sum);
-    ms_store_vec(dims, own.sums + lane, own.stride, sum);
+    for (int c = 0; c < dims; c++)
+      ms_simd_store_doubles(own.sums + (size_t)c * own.stride + lane, sum.c[c]);
   }
 }
 
@@ -184,4 +206,4 @@ static void sum_part(const ms_model *m, const ms_fused_step *p, int32_t k) {
   sum_part_of(m->unknowns.dims, find_spring_kind(m, p), m, p, k);
 }
 
-const ms_force_kernels MS_TABLE(ms_force_kernels) = {step_slices, sum_part};
+const ms_force_kernels MS_TABLE(FORCE_KERNELS) = {step_slices, sum_part};

@@ -8,11 +8,13 @@
 #include "physics/rank_model.h"
 
 MS_TABLES(ms_force_kernels);
+MS_TABLES(ms_single_force_kernels);
 
 /* Slices in a chunk of work: some 5 us. */
 enum { CHUNK = 64 };
 
 typedef struct fused_step_job {
+  const ms_force_kernels *kernels;
   const ms_model *model;
   const ms_fused_step *sweep;
   atomic_int may_be_bad;
@@ -20,12 +22,12 @@ typedef struct fused_step_job {
 
 static void do_split_row_part(void *data, int32_t item) {
   const fused_step_job *j = data;
-  ms_force_kernels_of[j->model->isa]->part(j->model, j->sweep, item);
+  j->kernels->part(j->model, j->sweep, item);
 }
 
 static void do_slices_chunk(void *data, int32_t begin, int32_t end) {
   fused_step_job *j = data;
-  if (!ms_force_kernels_of[j->model->isa]->slices(j->model, j->sweep, begin, end))
+  if (!j->kernels->slices(j->model, j->sweep, begin, end))
     atomic_store_explicit(&j->may_be_bad, 1, memory_order_relaxed);
 }
 
@@ -44,14 +46,17 @@ static void sum_split_rows(const ms_model *model, fused_step_job *j) {
 
 /* Evaluate the program's force, and set the rows that no spring sets. */
 static void evaluate_function(const ms_model *model, const ms_fused_step *sweep) {
-  const double *v = sweep->function_v ? sweep->function_v : sweep->v;
+  const void *v = sweep->function_v ? sweep->function_v : sweep->v;
   ms_force_function_evaluate(model, sweep->t, sweep->x, v);
   if (model->added_force != model->base_force)
     ms_vector_copy_all(model->shape, model->base_force, model->added_force);
 }
 
 int ms_fused_step_run(const ms_model *model, const ms_fused_step *sweep) {
-  fused_step_job j = {.model = model, .sweep = sweep};
+  fused_step_job j = {.kernels = model->single ? ms_single_force_kernels_of[model->isa]
+                                               : ms_force_kernels_of[model->isa],
+                      .model = model,
+                      .sweep = sweep};
   ms_rank_model_refresh(model, sweep->x, model->features & MS_HAS_DAMPING ? sweep->v : NULL);
   if (model->function) evaluate_function(model, sweep);
   ms_angle_springs_reset_forces(model);

@@ -5,24 +5,25 @@
 #include "base/isa.h"
 #include "physics/model.h"
 
-/* Inputs and results of one force sweep over the unknowns. A result that is NULL is not computed;
+/* Inputs and results of one force sweep over the unknowns, vectors of doubles, or of floats if the
+ * model computes in single precision (ms_model.single). A result that is NULL is not computed;
  * pinned rows of results are not written. Rows read x and v of their neighbours: no result may
  * alias these. */
 typedef struct ms_fused_step {
-  const double *x, *v;      /* state of the forces; v NULL: without the terms in v */
-  double t;                 /* s: the time of a force function */
-  const double *function_v; /* its velocities; NULL: v */
-  double *f;                /* F(x, v) */
-  double *a;                /* F/m */
+  const void *x, *v;      /* state of the forces; v NULL: without the terms in v */
+  double t;               /* s: the time of a force function */
+  const void *function_v; /* its velocities; NULL: v */
+  void *f;                /* F(x, v) */
+  void *a;                /* F/m */
 
   /* v_to = v_from + h_before a_before + h F/m; a_before nullable */
-  double *v_to;
-  const double *v_from, *a_before;
+  void *v_to;
+  const void *v_from, *a_before;
   double h_before, h;
 
   /* x_to = x_from + drift along; along NULL: v_to */
-  double *x_to;
-  const double *x_from, *along;
+  void *x_to;
+  const void *x_from, *along;
   double drift;
 } ms_fused_step;
 
@@ -38,5 +39,7 @@ typedef struct ms_force_kernels {
   /* one part of a split row, to half_edges.part_sums */
   void (*part)(const ms_model *model, const ms_fused_step *sweep, int32_t part);
 } ms_force_kernels;
+
+typedef ms_force_kernels ms_single_force_kernels; /* those for models in single precision */
 
 #endif

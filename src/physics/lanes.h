@@ -10,13 +10,13 @@ typedef struct ms_lane_vectors {
   ms_lanes c[3];
 } ms_lane_vectors;
 
-MS_INLINE ms_lane_vectors ms_load_vec(int dims, const double *from, size_t stride) {
+MS_INLINE ms_lane_vectors ms_load_vec(int dims, const ms_real *from, size_t stride) {
   ms_lane_vectors v = {{{0}}};
   for (int c = 0; c < dims; c++) v.c[c] = ms_simd_load(from + (size_t)c * stride);
   return v;
 }
 
-MS_INLINE void ms_store_vec(int dims, double *to, size_t stride, ms_lane_vectors v) {
+MS_INLINE void ms_store_vec(int dims, ms_real *to, size_t stride, ms_lane_vectors v) {
   for (int c = 0; c < dims; c++) ms_simd_store(to + (size_t)c * stride, v.c[c]);
 }
 
@@ -50,7 +50,7 @@ MS_INLINE ms_lanes ms_dot_vec(int dims, ms_lane_vectors a, ms_lane_vectors b) {
 
 /* x of the neighbours in an entry: one load if they are consecutive rows, else a gather */
 MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *half_edges,
-                                             int32_t entry, size_t lane, const double *x,
+                                             int32_t entry, size_t lane, const ms_real *x,
                                              size_t stride) {
   const int32_t start = half_edges->start[entry];
   if (start >= 0) return ms_load_vec(dims, x + (size_t)start + lane, stride);
@@ -63,7 +63,7 @@ MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *half
 /* own - x of the neighbours in an entry. Consecutive rows are operands of the subtraction, which
  * needs no register for them: a load that both cases share would. */
 MS_INLINE ms_lane_vectors ms_subtract_neighbours(int dims, const ms_half_edges *half_edges,
-                                                 int32_t entry, size_t lane, const double *x,
+                                                 int32_t entry, size_t lane, const ms_real *x,
                                                  size_t stride, ms_lane_vectors own) {
   const int32_t start = half_edges->start[entry];
   if (start >= 0)
@@ -93,7 +93,7 @@ MS_INLINE ms_slice_range ms_slice_range_at(const ms_half_edges *half_edges, int3
 }
 
 /* x of the slice range's own rows */
-MS_INLINE ms_lane_vectors ms_load_own(int dims, ms_slice_range p, size_t lane, const double *x,
+MS_INLINE ms_lane_vectors ms_load_own(int dims, ms_slice_range p, size_t lane, const ms_real *x,
                                       size_t stride) {
   if (!p.is_split) return ms_load_vec(dims, x + p.row + lane, stride);
   ms_lane_vectors v = {{{0}}};

@@ -10,6 +10,7 @@
 #include "physics/law_springs.h"
 #include "physics/moving_pins.h"
 #include "physics/rank_model.h"
+#include "physics/single.h"
 #include "physics/spring_law.h"
 
 static int has_velocity_forces(const ms_scene *s) {
@@ -173,6 +174,7 @@ void ms_model_keep_springs_only(ms_model *model) {
 void ms_model_update_springs(ms_model *model, unsigned skip_off) {
   ms_half_edges_update_springs(model->scene, &model->springs, &model->half_edges);
   if (model->laws) ms_law_springs_update(model);
+  ms_single_update_springs(model);
   model->features = find_features(model->scene, &model->springs, &model->angles) | skip_off;
 }
 
@@ -180,6 +182,7 @@ void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
   free_added_force(model);
   ms_rank_model_destroy(model->scene, model->rank_model);
+  ms_single_destroy(model->scene, model->single);
   ms_moving_pins_destroy(model->scene, model->pins);
   ms_force_function_destroy(model->scene, model->function);
   ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);

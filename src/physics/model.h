@@ -19,6 +19,7 @@ enum {
 };
 
 struct ms_law_springs;
+struct ms_single;
 struct ms_rank_model;
 struct ms_force_function;
 
@@ -27,7 +28,7 @@ typedef struct ms_model {
   ms_unknowns unknowns;
   ms_springs springs;
   ms_half_edges half_edges;    /* the same springs as half-edges */
-  ms_shape shape;              /* of the unknowns */
+  ms_shape shape;              /* of the unknowns, and of a stepper's vectors */
   double *mass, *inv_mass;     /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
   ms_external external;        /* the scene's */
   struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
@@ -43,6 +44,7 @@ typedef struct ms_model {
   unsigned features;           /* MS_HAS_... */
   struct ms_moving_pins *pins; /* moving_pins.h; NULL: no pinned particle moves */
   ms_solid *moving_solids;     /* ncolliders: room for the colliders at an instant */
+  struct ms_single *single;    /* single.h; NULL: steps compute in double precision */
   struct ms_rank_model *rank_model; /* rank_model.h; NULL: one process computes all unknowns */
 } ms_model;
 

@@ -5,6 +5,7 @@
 #include "layout/whole_order.h"
 #include "physics/law_springs.h"
 #include "physics/rank_model.h"
+#include "physics/single.h"
 #include "sim/breaking.h"
 #include "sim/island_step.h"
 #include "sim/rank_section.h"
@@ -73,6 +74,8 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
     if (ms_reuse_island(sim, &island, left_out, &sim->islands[i])) continue;
     status = ms_model_create_island(sim->scene, &island, left_out, sim->config.opt.skip_off,
                                     &sim->islands[i].model, err);
+    if (!status && sim->config.opt.precision == MSIM_PRECISION_SINGLE)
+      status = ms_single_create(&sim->islands[i].model, err);
     if (sim->config.choice.verification.planes_far)
       sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }

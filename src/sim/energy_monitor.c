@@ -11,6 +11,7 @@
 #include "physics/external_force.h"
 #include "physics/force_function.h"
 #include "physics/signed_distance.h"
+#include "physics/single.h"
 #include "scene/angles.h"
 #include "scene/laws.h"
 
@@ -38,13 +39,17 @@ static double time_of(const msim_sim *sim) {
   return ms_sim_has_control(sim) ? sim->run.t : ms_sim_time(sim);
 }
 
+static ms_totals measure_island(const ms_island_sim *m) {
+  return ms_totals_compute(&m->model, ms_single_get_x(&m->model, m->stepper.x),
+                           ms_single_get_v(&m->model, m->stepper.v), m->last_good.parts);
+}
+
 /* Sum over all free particles in the present state. Islands that stay at rest have not changed. */
 static ms_totals measure_totals(msim_sim *sim) {
   ms_totals sum = ms_totals_identity();
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_last_good_state *g = &m->last_good;
-    if (!(m->at_rest && g->at_rest))
-      g->totals = ms_totals_compute(&m->model, m->stepper.x, m->stepper.v, g->parts);
+    if (!(m->at_rest && g->at_rest)) g->totals = measure_island(m);
     ms_totals_add(&g->totals, &sum);
   }
   ms_totals_sum_ranks(sim->ranks, &sum);
@@ -152,12 +157,14 @@ static void share_facts(ms_ranks *ranks, scene_facts *f) {
 static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
   const ms_scene *s = sim->scene;
   scene_facts f = {0};
-  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    const double *all = ms_single_get_x(&m->model, m->stepper.x);
     for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
       double x[3];
-      ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
+      ms_unknowns_get(&m->model.unknowns, all, r, x);
       add_particle_facts(s, time_of(sim), m->model.unknowns.particle[r], x, &f);
     }
+  }
   share_facts(sim->ranks, &f);
   for (int32_t p = 0; p < s->nparticles; p++) {
     const double *x = s->x + 3 * (size_t)p;
@@ -253,7 +260,8 @@ static int32_t find_extreme_particle(const msim_sim *sim, int fastest, const dou
   int32_t first = -1;
   *most = -1;
   for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
-    const double *of = fastest ? m->stepper.v : m->stepper.x;
+    const double *of = fastest ? ms_single_get_v(&m->model, m->stepper.v)
+                               : ms_single_get_x(&m->model, m->stepper.x);
     for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
       double d[3];
       ms_unknowns_get(&m->model.unknowns, of, r, d);
@@ -347,7 +355,7 @@ void ms_energy_monitor_finish_reading(msim_sim *sim, int is_present) {
   if (!monitor_is_on(sim)) return;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_last_good_state *g = &m->last_good;
-    g->totals = ms_totals_compute(&m->model, m->stepper.x, m->stepper.v, g->parts);
+    g->totals = measure_island(m);
     if (is_present) copy_present_state(m);
   }
 }

@@ -9,6 +9,7 @@
 #include "physics/fused_step.h"
 #include "physics/moving_pins.h"
 #include "physics/reference.h"
+#include "physics/single.h"
 #include "scene/laws.h"
 #include "sim/rank_section.h"
 
@@ -41,6 +42,7 @@ static void show_island(const msim_sim *sim, ms_island_sim *m, const double **x,
     method->sync(s, s->v_next, s->scratch);
     *v = s->v_next;
   }
+  *x = ms_single_get_x(&m->model, *x), *v = ms_single_get_v(&m->model, *v);
 }
 
 static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
@@ -49,7 +51,8 @@ static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
   show_island(sim, m, &x, &v);
   ms_unknowns_scatter(rows, x, sim->state_x);
   ms_unknowns_scatter(rows, v, sim->state_v);
-  if (sim->config.integrator->sync) ms_unknowns_scatter(rows, m->stepper.v, sim->state_v_half);
+  if (sim->config.integrator->sync)
+    ms_unknowns_scatter(rows, ms_single_get_v(&m->model, m->stepper.v), sim->state_v_half);
 }
 
 /* Each rank has the state of its own particles; now all have that of all. */
@@ -163,7 +166,8 @@ static void add_island_force(const ms_island_sim *m, double t, const double *x, 
 void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
   const ms_scene *scene = sim->scene;
   const int32_t left_out = sim->islands->model.unknowns.dropped_axis;
-  if (sim->part || (left_out >= 0 && !ms_planar_is_in_plane(scene, left_out, x, v))) {
+  if (sim->part || sim->islands->model.single ||
+      (left_out >= 0 && !ms_planar_is_in_plane(scene, left_out, x, v))) {
     ms_reference_compute_force(scene, x, v, force);
     return;
   }

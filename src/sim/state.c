@@ -5,6 +5,8 @@
 #include "contact/contact_set.h"
 #include "layout/planar.h"
 #include "physics/moving_pins.h"
+#include "physics/single.h"
+#include "sim/precision_check.h"
 #include "sim/step_driver.h"
 
 msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msim_error *err) {
@@ -52,12 +54,12 @@ static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_e
 
 static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *state) {
   ms_stepper *s = &m->stepper;
-  const ms_unknowns *rows = &m->model.unknowns;
-  ms_unknowns_gather(rows, state->x, s->x);
-  ms_unknowns_gather(rows, state->x, s->x_next); /* for the pinned particles */
+  ms_single_set_origin(&m->model, state->x);
+  ms_single_gather_x(&m->model, state->x, s->x);
+  ms_single_gather_x(&m->model, state->x, s->x_next); /* for the pinned particles */
   for (int i = 0; i < 2; i++)
-    if (s->x_spare[i]) ms_unknowns_gather(rows, state->x, s->x_spare[i]);
-  ms_unknowns_gather(rows, state->v, s->v);
+    if (s->x_spare[i]) ms_single_gather_x(&m->model, state->x, s->x_spare[i]);
+  ms_single_gather_v(&m->model, state->v, s->v);
   s->t = sim->config.plan.t0, s->c = 0;
   if (m->model.pins) ms_moving_pins_set(&m->model, (ms_instant){.t = s->t}, s->x, s->v);
   m->at_rest = 0;
@@ -70,7 +72,7 @@ static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *stat
   if (s->solver) ms_solver_discard_factors(s->solver);
   if (sim->config.integrator->start) sim->config.integrator->start(s);
   if (sim->config.integrator->sync && state->v_half && state->h == sim->run.h) {
-    ms_unknowns_gather(rows, state->v_half, s->v);
+    ms_single_gather_v(&m->model, state->v_half, s->v);
     s->cached_stage = 0;
   }
 }
@@ -149,8 +151,8 @@ static void set_arrays(msim_sim *sim, const msim_state *state) {
 static void start_v_half(msim_sim *sim, const msim_state *state) {
   if (!sim->config.integrator->sync) return;
   memcpy(sim->state_v_half, sim->state_v, 3 * (size_t)state->n * sizeof *state->v);
-  for (int32_t i = 0; i < sim->nislands; i++)
-    ms_unknowns_scatter(&sim->islands[i].model.unknowns, sim->islands[i].stepper.v,
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    ms_unknowns_scatter(&m->model.unknowns, ms_single_get_v(&m->model, m->stepper.v),
                         sim->state_v_half);
   if (sim->part) ms_rank_part_gather(sim->part, state->n, sim->state_v_half);
 }
@@ -158,7 +160,8 @@ static void start_v_half(msim_sim *sim, const msim_state *state) {
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_plan plan = sim->config.plan;
   const ms_run_state run = sim->run;
-  msim_status status = state->x == sim->scene->x ? MSIM_OK : ms_sim_provide_arrays(sim, err);
+  msim_status status = ms_precision_check(sim, err);
+  if (!status && state->x != sim->scene->x) status = ms_sim_provide_arrays(sim, err);
   if (!status) status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
   if (!status) status = fit_components(sim, state, err);
   if (status) {

@@ -12,6 +12,7 @@
 #include "methods/methods.h"
 #include "physics/moving_pins.h"
 #include "physics/offender.h"
+#include "physics/single.h"
 #include "sim/frames.h"
 #include "sim/island_step.h"
 #include "sim/rank_sim.h"
@@ -168,7 +169,8 @@ static msim_status report_failed_step(const msim_sim *sim, const ms_island_sim *
   const ms_stepper *s = &m->stepper;
   const int32_t row = s->offender;
   const int32_t pull = row >= 0 && status == MSIM_NOT_FINITE
-                           ? ms_offender_find_spring(&m->model, s->x, s->v, row)
+                           ? ms_offender_find_spring(&m->model, ms_single_get_x(&m->model, s->x),
+                                                     ms_single_get_v(&m->model, s->v), row)
                            : -1;
   if (row >= 0)
     snprintf(particle, sizeof particle, ", particle %d", m->model.unknowns.particle[row]);

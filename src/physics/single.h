@@ -1,0 +1,55 @@
+/* single - what a model needs for steps in single precision: springs and masses as floats, and the
+ * origin of positions
+ *
+ * The vectors of a stepper then have floats (ms_shape.single), positions as x - origin. The origin
+ * is the middle of the island at the start of a run, so that the distance of a scene from that of
+ * its coordinates costs no digits. Functions that read a state get it as doubles from here, and
+ * steps do not depend on them. Sums (energies, time) are doubles.
+ *
+ * Rounding x in each step was measured as sufficient for errors of 1e-4 in 1e5 steps
+ * (docs/accuracy.md); positions as sums of two floats would be read and written twice. */
+#ifndef MS_SINGLE_H
+#define MS_SINGLE_H
+
+#include "base/archive.h"
+#include "physics/model.h"
+
+typedef struct ms_single {
+  float *k, *rest, *damping; /* 8 half_edges.nentries; padding: 0 */
+  const float *stiffness;    /* k, as no spring has a law */
+  float *mass, *inv_mass;    /* first_pinned; padding: 1, 0 */
+  double origin[3];          /* m */
+  double *x, *v;             /* vectors of doubles: the state as last requested */
+} ms_single;
+
+/* Make a new model compute in single precision. */
+msim_status ms_single_create(ms_model *model, msim_error *err);
+void ms_single_destroy(const ms_scene *scene, ms_single *single);
+
+/* MSIM_ERR_ARG: a mass of the scene, or one of these springs, is beyond what steps in floats can
+ * compute with. Nullable: k, rest, damping. */
+msim_status ms_single_check_scene(const ms_scene *scene, msim_error *err);
+msim_status ms_single_check_springs(int32_t n, const double *k, const double *rest,
+                                    const double *damping, msim_error *err);
+
+/* Copy k, rest and damping from the half-edges again. */
+void ms_single_update_springs(ms_model *model);
+
+/* The functions below are for models of both precisions. */
+
+/* Transfer what steps change beside the vectors: the origin. */
+void ms_single_archive(ms_archive *b, ms_single *single);
+
+/* Set the origin for positions x (n x 3, in particle order). */
+void ms_single_set_origin(const ms_model *model, const double *x);
+
+/* Positions and velocities, from arrays in particle order to vectors of a stepper */
+void ms_single_gather_x(const ms_model *model, const double *array, void *vec);
+void ms_single_gather_v(const ms_model *model, const double *array, void *vec);
+
+/* Positions and velocities of a stepper as vectors of doubles: `vec` itself, or in single precision
+ * a copy that lasts until the next call */
+const double *ms_single_get_x(const ms_model *model, const void *vec);
+const double *ms_single_get_v(const ms_model *model, const void *vec);
+
+#endif

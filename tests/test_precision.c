@@ -1,0 +1,360 @@
+/* Tests of runs with precision = single: their error against runs in double precision, far from the
+ * origin, threads, observers and checkpoints, changes of a running sim, and what is refused. */
+#include <float.h>
+#include <math.h>
+
+#include "checkpoints.h"
+#include "failing_allocator.h"
+
+#define U (FLT_EPSILON / 2) /* the largest relative error of an operation */
+
+static msim_options single_options(const char *method, double h) {
+  msim_options opt = options(method, h);
+  opt.precision = MSIM_PRECISION_SINGLE;
+  return opt;
+}
+
+/* All that single precision supports, but explicit-euler, which is unstable without damping */
+static const char *const methods[] = {"heun", "verlet", "symplectic-euler", "velocity-verlet",
+                                      "rk4",  "rkc",    "takahashi-imada",  "force-gradient"};
+enum { METHODS = sizeof methods / sizeof *methods };
+
+static double distance(int32_t n, const double *a, const double *b) {
+  double most = 0;
+  for (int32_t i = 0; i < n; i++) most = fmax(most, fabs(a[i] - b[i]));
+  return most;
+}
+
+/*------------------------------------- errors ---------------------------------------------------*/
+
+/* A chain of springs of rest length 0, whose motion is linear: rounding errors, of some 2 U times
+ * the largest x, v/omega and a h/omega in each stage of a step, do not grow. Within 1 m, at most
+ * 3 m/s, omega = 20/s. */
+static void errors_add_up_no_faster_than_steps(void **state) {
+  (void)state;
+  enum { N = 30, STEPS = 1000, STAGES = 4 };
+  double x[3 * N], v[3 * N], mass[N], k[N];
+  int32_t ij[2 * N];
+  const int32_t pin = 0;
+  unsigned seed = 11;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int i = 0; i < 3 * N; i++) x[i] = uniform(&seed), v[i] = i < 3 ? 0 : uniform(&seed) - 0.5;
+  for (int i = 0; i < N; i++) mass[i] = 1, k[i] = 100, ij[2 * i] = i, ij[2 * i + 1] = i + 1;
+  static const double rest[N];
+  assert_ok(msim_scene_add_particles(scene, N, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, N - 1, ij, k, rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  for (int m = 0; m < METHODS; m++) {
+    msim_options opt = single_options(methods[m], 0.01);
+    msim_sim *single = make_sim(scene, &opt);
+    opt.precision = MSIM_PRECISION_DOUBLE;
+    msim_sim *exact = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(single, STEPS, err));
+    assert_ok(msim_sim_step(exact, STEPS, err));
+    const double off = distance(3 * N, state_of(single).x, state_of(exact).x);
+    if (!(off > 0 && off <= STEPS * STAGES * 2 * U)) fail_msg("%s: off by %g", methods[m], off);
+    msim_sim_destroy(single), msim_sim_destroy(exact);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* The origin of positions moves with the scene: velocities have the same bits, and positions those
+ * that a double has so far away. */
+static void distance_from_the_origin_costs_nothing(void **state) {
+  (void)state;
+  enum { N = 12 };
+  const double shift[3] = {1048576, -524288, 262144}, mass[2] = {1, 2}, k = 1000, rest = 0.25;
+  msim_sim *sims[2];
+  msim_scene *scenes[2];
+  for (int far = 0; far < 2; far++) {
+    unsigned seed = 4;
+    assert_ok(msim_scene_create(NULL, &scenes[far], err));
+    for (int32_t i = 0; i < N; i++) {
+      double x[3];
+      const int32_t ij[2] = {i - 1, i};
+      for (int c = 0; c < 3; c++) x[c] = floor(1024 * uniform(&seed)) / 1024 + (far ? shift[c] : 0);
+      assert_ok(msim_scene_add_particles(scenes[far], 1, x, NULL, &mass[i % 2], err));
+      if (i) assert_ok(msim_scene_add_springs(scenes[far], 1, ij, &k, &rest, NULL, err));
+    }
+    const msim_options opt = single_options("velocity-verlet", 1e-3);
+    sims[far] = make_sim(scenes[far], &opt);
+    assert_ok(msim_sim_step(sims[far], 500, err));
+  }
+  const msim_state near = state_of(sims[0]), far = state_of(sims[1]);
+  assert_memory_equal(near.v, far.v, 3 * N * sizeof *near.v);
+  for (int i = 0; i < 3 * N; i++)
+    assert_close(far.x[i], near.x[i] + shift[i % 3], 0x1p-52 * fabs(shift[i % 3]));
+  for (int i = 0; i < 2; i++) msim_sim_destroy(sims[i]), msim_scene_destroy(scenes[i]);
+}
+
+/*------------------------------------- the same bits --------------------------------------------*/
+
+/* A cloth; damped, with drag; planar; two parts that no spring connects */
+static msim_scene *scene_of(int i) {
+  const double g[3] = {0, -9.81, 0}, x[6] = {3, 0, 0, 3.5, 0, 0}, mass[2] = {1, 1}, k = 100;
+  const int32_t ij[2] = {81, 82};
+  msim_scene *scene = hanging_cloth(9, i == 2 ? 50 : 200, i == 1 ? 0.02 : 0);
+  if (i == 1) assert_ok(msim_scene_set_drag(scene, 0.02, err));
+  if (i == 2) assert_ok(msim_scene_set_gravity(scene, g, err));
+  if (i == 3) assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  if (i == 3) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, err));
+  return scene;
+}
+enum { SCENES = 4 };
+
+static int takes(const char *method, int scene) {
+  return scene != 1 || !takes_positions_only(method);
+}
+
+static void runs_resume_to_the_bit(void **state) {
+  (void)state;
+  static const int64_t at[] = {1, 90, 170};
+  for (int s = 0; s < SCENES; s++) {
+    msim_scene *scene = scene_of(s);
+    for (int m = 0; m < METHODS; m++) {
+      if (!takes(methods[m], s)) continue;
+      const msim_options opt = single_options(methods[m], 1e-3);
+      expect_resumable(scene, &opt, 200, 3, at, methods[m]);
+    }
+    msim_scene_destroy(scene);
+  }
+}
+
+static void observers_and_threads_change_no_bit(void **state) {
+  (void)state;
+  for (int s = 0; s < SCENES; s++) {
+    msim_scene *scene = scene_of(s);
+    for (int m = 0; m < METHODS; m++) {
+      if (!takes(methods[m], s)) continue;
+      msim_options opt = single_options(methods[m], 1e-3);
+      opt.threads = 1;
+      msim_sim *alone = make_sim(scene, &opt);
+      opt.threads = 2, opt.watch = MSIM_WATCH_OFF;
+      msim_sim *other = make_sim(scene, &opt);
+      msim_energy energy = {.size = sizeof energy};
+      double force[300];
+      assert_ok(msim_sim_step(alone, 170, err));
+      for (int i = 0; i < 170; i++) {
+        assert_ok(msim_sim_step(other, 1, err));
+        const msim_state now = state_of(other);
+        msim_sim_force(other, now.x, now.v, force);
+        msim_sim_energy(other, &energy);
+      }
+      expect_same(alone, other, methods[m]);
+      msim_sim_destroy(alone), msim_sim_destroy(other);
+    }
+    msim_scene_destroy(scene);
+  }
+}
+
+/* The state that a run starts from is the caller's, without rounding. */
+static void start_is_not_rounded(void **state) {
+  (void)state;
+  const double x[] = {1 / 3., 0.1, 1e-9}, v[] = {0.1, 0.7, 1 / 7.};
+  msim_scene *scene = make_single_particle(x, v, 9.81);
+  const msim_options opt = single_options("velocity-verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_memory_equal(state_of(sim).x, x, sizeof x);
+  assert_memory_equal(state_of(sim).v, v, sizeof v);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
+/* A checkpoint continues with the same precision only. */
+static void checkpoints_of_another_precision_are_refused(void **state) {
+  (void)state;
+  msim_scene *scene = scene_of(0);
+  msim_options opt = single_options("velocity-verlet", 1e-3);
+  msim_sim *single = make_sim(scene, &opt);
+  opt.precision = MSIM_PRECISION_DOUBLE;
+  msim_sim *sim = make_sim(scene, &opt);
+  const checkpoint c = save(single);
+  msim_error why;
+  assert_true(msim_sim_load(sim, c.bytes, c.length, &why) != MSIM_OK);
+  assert_non_null(strstr(why.text, "precision"));
+  free(c.bytes);
+  msim_sim_destroy(single), msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
+/*------------------------------------- memory ---------------------------------------------------*/
+
+/* Each allocation of a new sim fails in turn, and no step allocates. */
+static void memory_may_run_out(void **state) {
+  (void)state;
+  const double x[9] = {0, 0, 0, 1, 0, 0, 1, 1, 0}, mass[3] = {1, 1, 1}, k[2] = {100, 100},
+               rest[2] = {0.5, 0.5};
+  const int32_t ij[4] = {0, 1, 1, 2};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(failing_allocator_get(), &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
+  msim_options opt = single_options("velocity-verlet", 1e-3);
+  opt.threads = 1;
+  for (int64_t which = 0;; which++) {
+    msim_sim *sim = NULL;
+    failing_allocator_count(FAILING_BY_ALLOCATOR);
+    failing_allocator_arm(which, 0);
+    const msim_status status = msim_sim_create(scene, &opt, &sim, NULL);
+    const int failed = failing_allocator_has_failed();
+    failing_allocator_arm(0, 1);
+    if (!status) assert_int_equal(msim_sim_step(sim, 200, NULL), MSIM_OK);
+    failing_allocator_arm(-1, 0);
+    msim_sim_destroy(sim);
+    assert_int_equal(failing_allocator_count_leaks(), 0);
+    failing_allocator_count(FAILING_NONE);
+    if (!failed) break;
+    assert_true(status == MSIM_ERR_MEMORY || !status);
+    assert_true(which < 1000);
+  }
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- the energy monitor ---------------------------------------*/
+
+static void unstable_runs_end_as_in_double_precision(void **state) {
+  (void)state;
+  msim_scene *scene = scene_of(0);
+  msim_options opt = single_options("velocity-verlet", 0.02);
+  msim_sim *sim = make_sim(scene, &opt);
+  opt.precision = MSIM_PRECISION_DOUBLE;
+  msim_sim *exact = make_sim(scene, &opt);
+  msim_error why;
+  const msim_status status = msim_sim_step(sim, 1000, &why);
+  assert_int_equal(status, msim_sim_step(exact, 1000, NULL));
+  assert_true(status == MSIM_UNSTABLE || status == MSIM_NOT_FINITE);
+  assert_non_null(strstr(why.text, "particle"));
+  const msim_state now = state_of(sim);
+  assert_int_equal(now.step, state_of(exact).step);
+  for (int i = 0; i < 3 * now.n; i++) assert_true(isfinite(now.x[i]) && isfinite(now.v[i]));
+  msim_sim_destroy(sim), msim_sim_destroy(exact), msim_scene_destroy(scene);
+}
+
+/*------------------------------------- changes --------------------------------------------------*/
+
+/* Springs, forces, pins, steps and particles of a running sim change in both precisions alike. */
+static void change(msim_sim *sim, int which) {
+  const msim_state now = state_of(sim);
+  double k[1000], force[300] = {0}, wind[3] = {1, 2, 3};
+  const int32_t some[] = {40, 41};
+  const msim_edit edit = {.size = sizeof edit, .nremoved_particles = 2, .removed_particles = some};
+  assert_true(now.nsprings <= 1000);
+  for (int32_t e = 0; e < now.nsprings; e++) k[e] = 400;
+  for (int i = 0; i < 3 * now.n; i++) force[i] = 0.01 * (i % 5);
+  if (which == 0) assert_ok(msim_sim_set_springs(sim, k, NULL, NULL, err));
+  if (which == 1) assert_ok(msim_sim_set_springs(sim, NULL, NULL, memset(k, 0, sizeof k), err));
+  if (which == 2) assert_ok(msim_sim_set_forces(sim, force, err));
+  if (which == 3) assert_ok(msim_sim_set_gravity(sim, wind, err));
+  if (which == 4) assert_ok(msim_sim_set_pinned(sim, 2, some, 1, err));
+  if (which == 5) assert_ok(msim_sim_set_step(sim, 5e-4, err));
+  if (which == 6) assert_ok(msim_sim_edit(sim, &edit, err));
+  if (which == 7) assert_ok(msim_sim_set_drag(sim, 0.3, err));
+}
+
+static void changes_are_followed(void **state) {
+  (void)state;
+  enum { CHANGES = 8 };
+  for (int which = 0; which < CHANGES; which++) {
+    msim_scene *scene = scene_of(which == 1 ? 1 : 3);
+    msim_options opt = single_options("velocity-verlet", 1e-3);
+    msim_sim *single = make_sim(scene, &opt);
+    opt.precision = MSIM_PRECISION_DOUBLE;
+    msim_sim *exact = make_sim(scene, &opt), *same = make_sim(scene, &opt);
+    msim_sim *sims[] = {single, exact};
+    for (int i = 0; i < 2; i++) {
+      assert_ok(msim_sim_step(sims[i], 50, err));
+      change(sims[i], which);
+      assert_ok(msim_sim_step(sims[i], 100, err));
+    }
+    assert_ok(msim_sim_step(same, 150, err));
+    const msim_state a = state_of(single), b = state_of(exact), c = state_of(same);
+    assert_int_equal(a.n, b.n);
+    const double off = distance(3 * a.n, a.x, b.x);
+    assert_true(off > 0 && off < 1e-5);
+    if (a.n == c.n) assert_true(distance(3 * a.n, c.x, b.x) > 10 * off); /* it matters */
+    msim_sim_destroy(single), msim_sim_destroy(exact), msim_sim_destroy(same);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- refusals -------------------------------------------------*/
+
+static void expect_refused(const msim_scene *scene, const msim_options *opt, const char *word) {
+  msim_sim *sim = NULL;
+  msim_error why;
+  const msim_status status = msim_sim_create(scene, opt, &sim, &why);
+  if (!status || sim || !strstr(why.text, word) || !strstr(why.text, "precision = double"))
+    fail_msg("%s: status %d, '%s'", word, (int)status, status ? why.text : "");
+}
+
+static void unsupported_options_are_refused(void **state) {
+  (void)state;
+  static const char *const others[] = {"linearly-implicit-euler", "respa", "rkn6", "bdf2"};
+  msim_scene *scene = scene_of(0);
+  msim_options opt;
+  for (int i = 0; i < 4; i++) {
+    opt = single_options(others[i], 1e-3);
+    expect_refused(scene, &opt, others[i]);
+  }
+  opt = single_options("dop853", 1e-3);
+  expect_refused(scene, &opt, "dop853");
+  opt = single_options("velocity-verlet", 1e-3), opt.tol = 1e-3;
+  expect_refused(scene, &opt, "error control");
+  opt = single_options("auto", MSIM_H_AUTO), opt.t_end = 1;
+  expect_refused(scene, &opt, "'auto'");
+  msim_scene_destroy(scene);
+}
+
+static void unsupported_scenes_are_refused(void **state) {
+  (void)state;
+  const msim_options opt = single_options("velocity-verlet", 1e-3);
+  const double k = 1, heavy = 1e30, stiff = 1e20, x[3] = {9, 9, 9}, zero = 0;
+  const int32_t ijk[3] = {0, 1, 2}, ij[2] = {3, 40};
+  for (int i = 0; i < 4; i++) {
+    static const char *const words[] = {"planes", "angular", "k[", "mass["};
+    msim_scene *scene = scene_of(0);
+    if (i == 0) plane(scene, 0, 0, 1, -1, 0.5, 0);
+    if (i == 1) assert_ok(msim_scene_add_angles(scene, 1, ijk, &k, NULL, &zero, err));
+    if (i == 2) assert_ok(msim_scene_add_springs(scene, 1, ij, &stiff, NULL, NULL, err));
+    if (i == 3) assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &heavy, err));
+    expect_refused(scene, &opt, words[i]);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A change that single precision does not support is refused, and the sim continues as it was. */
+static void unsupported_changes_are_refused(void **state) {
+  (void)state;
+  msim_scene *scene = scene_of(0);
+  const msim_options opt = single_options("velocity-verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt), *same = make_sim(scene, &opt);
+  const int32_t ijk[3] = {0, 1, 2};
+  const double angle_k = 1, stiffness = 1e20;
+  double k[1000];
+  msim_error why;
+  const msim_edit edit = {.size = sizeof edit, .nangles = 1, .ijk = ijk, .angle_k = &angle_k};
+  assert_int_equal(msim_sim_edit(sim, &edit, &why), MSIM_ERR_UNSUPPORTED);
+  assert_non_null(strstr(why.text, "angular"));
+  for (int e = 0; e < 1000; e++) k[e] = e == 5 ? stiffness : 100;
+  assert_int_equal(msim_sim_set_springs(sim, k, NULL, NULL, &why), MSIM_ERR_ARG);
+  assert_non_null(strstr(why.text, "k[5]"));
+  assert_ok(msim_sim_step(sim, 20, err));
+  assert_ok(msim_sim_step(same, 20, err));
+  expect_same(sim, same, "after refusals");
+  msim_sim_destroy(sim), msim_sim_destroy(same), msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(errors_add_up_no_faster_than_steps),
+                                     cmocka_unit_test(distance_from_the_origin_costs_nothing),
+                                     cmocka_unit_test(runs_resume_to_the_bit),
+                                     cmocka_unit_test(observers_and_threads_change_no_bit),
+                                     cmocka_unit_test(start_is_not_rounded),
+                                     cmocka_unit_test(checkpoints_of_another_precision_are_refused),
+                                     cmocka_unit_test(memory_may_run_out),
+                                     cmocka_unit_test(unstable_runs_end_as_in_double_precision),
+                                     cmocka_unit_test(changes_are_followed),
+                                     cmocka_unit_test(unsupported_options_are_refused),
+                                     cmocka_unit_test(unsupported_scenes_are_refused),
+                                     cmocka_unit_test(unsupported_changes_are_refused)};
+  return cmocka_run_group_tests_name("precision", tests, NULL, NULL);
+}
