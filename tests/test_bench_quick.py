@@ -19,7 +19,8 @@ BESIDE_DEFAULT = {"auto_over_default_cholmod_cloth100", "cholmod_step_over_defau
                   "cholmod_step_over_default_cloth64", "cholmod_step_over_default_cloth100"}
 PRECISION = {"auto_over_best_p80", "auto_over_best_worst", "auto_over_best_cells",
              "auto_over_best_missing", "auto_over_best_empty", "respa_over_velocity_verlet",
-             "error_over_tol_worst"}
+             "error_over_tol_worst", "single_over_double_1e2", "single_over_double_1e3",
+             "single_over_double_1e4"}
 BESIDE_SUNDIALS = {f"{name}_over_sundials_{kind}{error}" for name in ("best", "auto")
                    for kind in ("", "damped_") for error in ("1e4", "1e6", "1e8")}
 SCENES = ["trampoline", "folding", "stiff", "damped", "jelly", "chain", "dumbbells", "slide",
@@ -99,6 +100,7 @@ class Quick(QuickTest):
                 self.check_auto(truth, self.find(rows, scene=truth["scene"]))
                 self.check_cells(truth, self.find(rows, scene=truth["scene"]))
         self.check_auto_over_best(self.find(rows, measure="cell"), found)
+        self.check_single(rows, found)
         if "ode" in result["machine"]:
             self.check_over_sundials(rows, found)
         if "ode" in result["machine"]:
@@ -179,6 +181,22 @@ class Quick(QuickTest):
             for key, found in [("auto_ms", chosen), ("best_ms", named),
                                ("sundials_ms", self.find(levels, of="sundials"))]:
                 self.assertEqual(cell.get(key), min((row["ms"] for row in found), default=None))
+
+    def check_single(self, rows, found):
+        """The worst of three scenes, by the levels of the fastest methods where these are known."""
+        for error in 1e-2, 1e-3, 1e-4:
+            ratios = self.find(rows, measure="single", error=error)
+            self.assertLessEqual({row["scene"] for row in ratios}, {"trampoline", "folding", "stiff"})
+            key = f"single_over_double_{error:.0e}".replace("e-0", "e")
+            known = [row["ratio"] for row in ratios if row.get("ratio") is not None]
+            self.check_same(found.get(key), max(known, default=None))
+            for row in ratios:
+                levels = self.find(rows, measure="level", scene=row["scene"], error=error)
+                best = {of: min((one["ms"] for one in self.find(levels, of=of)
+                                 if one["method"] != "auto, tol"), default=None)
+                        for of in ("msim", "msim single")}
+                if levels and None not in best.values():
+                    self.check_same(row["ratio"], best["msim single"] / best["msim"])
 
     @staticmethod
     def ratio(a, b):

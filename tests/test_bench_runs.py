@@ -239,9 +239,11 @@ class Step(BenchTest):
 
 
 class Forces(BenchTest):
-    KEYS = {"cloth100": {"explicit_step_speedup_cloth100"},
-            "cloth500": {"triad_fraction_cloth500", "two_threads_cloth500"},
-            "mesh500": {"irregular_speedup"}, "cloth32": set(), "mesh100": set()}
+    KEYS = {"cloth100": {"explicit_step_speedup_cloth100", "single_speedup_cloth100"},
+            "cloth500": {"triad_fraction_cloth500", "two_threads_cloth500",
+                         "single_speedup_cloth500"},
+            "mesh500": {"irregular_speedup", "single_speedup_random"}, "cloth32": set(),
+            "mesh100": set()}
 
     def check_scene(self, rows, cores):
         """The programs compared are listed, and their results agree."""
@@ -249,7 +251,7 @@ class Forces(BenchTest):
         self.assertLess(scene["difference"], 1e-12)
         self.assertGreater(scene["bytes_per_step"], 104 * scene["particles"])
         runs = [row for row in rows if row["measure"] in ("step", "triad")]
-        expected = {("msim", 1), ("textbook", 1), ("triad", 1)}
+        expected = {("msim", 1), ("msim single", 1), ("textbook", 1), ("triad", 1)}
         if cores > 1:
             expected |= {("msim", 2), ("triad", 2)}
         self.assertEqual({(row["name"], row["threads"]) for row in runs}, expected)

@@ -37,6 +37,7 @@ static msim_options options_of(const scene_run *t) {
   options.integrator = t->integrator;
   options.threads = t->threads;
   options.collision = t->collision;
+  options.precision = t->precision;
   options.t_end = t->t_end;
   options.every = RUN_FRAMES;
   if (t->tol > 0) {

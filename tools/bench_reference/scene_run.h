@@ -8,10 +8,10 @@ typedef struct scene_run {
   const msim_scene *scene;
   const char *integrator;
   double t_end;
-  int64_t steps;              /* number of steps of equal length */
-  double tol;                 /* > 0: error control with this tolerance instead of steps */
-  int32_t threads, collision; /* options */
-  double until;               /* on the clock of clock_seconds: when to give up */
+  int64_t steps; /* number of steps of equal length */
+  double tol;    /* > 0: error control with this tolerance instead of steps */
+  int32_t threads, collision, precision; /* options */
+  double until;                          /* on the clock of clock_seconds: when to give up */
   /* May be NULL. start: another x and v; see: called at the start and about 64 times in the run. */
   const msim_state *start;
   void (*on_frame)(msim_sim *sim, void *data);

@@ -22,6 +22,9 @@ static const struct summary_key {
     FORCES_KEY("fraction of triad", "cloth500", "triad_fraction_cloth500", 0),
     FORCES_KEY("two threads", "cloth500", "two_threads_cloth500", 1),
     FORCES_KEY("speedup", "mesh500", "irregular_speedup", 0),
+    FORCES_KEY("single", "cloth100", "single_speedup_cloth100", 0),
+    FORCES_KEY("single", "cloth500", "single_speedup_cloth500", 0),
+    FORCES_KEY("single", "mesh500", "single_speedup_random", 0),
 #define LINEAR_KEY(ratio, scene) \
   { "linear", ratio, scene, SOFT, MAIN_STEP, ratio "_" scene, 0 }
 #define SLOWDOWN_KEY(ratio, scene) \

@@ -11,14 +11,14 @@
 #include "background_load.h"
 #include "cases.h"
 
-enum { MOST_CANDIDATES = 5 };
+enum { MOST_CANDIDATES = 6 };
 #define STEP 1e-6 /* s: stable in all scenes */
 
 /* The candidates that alternate on one scene. A sample is `steps` steps, or passes of the triad,
  * which transfers as many bytes as a step must. */
 typedef struct forces_context {
   moving_scene m;
-  msim_sim *sims[2]; /* with one thread and with two */
+  msim_sim *sims[3]; /* with one thread, with two, and with one in single precision */
   textbook book;
   triad memory;
   double bytes; /* transferred in a step */
@@ -29,6 +29,7 @@ typedef struct forces_context {
     struct forces_context *context;
     const char *name;
     int threads;
+    msim_sim *sim; /* NULL: not of msim */
   } candidates[MOST_CANDIDATES];
 } forces_context;
 
@@ -39,7 +40,7 @@ static int run_explicit_steps(timing_candidate *c, timing_sample *s) {
   const forces_context *a = f->context;
   msim_error err;
   const double start = clock_seconds();
-  const msim_status status = msim_sim_step(a->sims[f->threads - 1], a->steps, &err);
+  const msim_status status = msim_sim_step(f->sim, a->steps, &err);
   s->whole = (clock_seconds() - start) / a->steps;
   return status ? candidate_fail(c, err.text) : 1;
 }
@@ -60,10 +61,10 @@ static int run_triad(timing_candidate *c, timing_sample *s) {
 }
 
 static timing_candidate *add_forces_candidate(forces_context *a, const char *name,
-                                              const char *measure, int threads,
+                                              const char *measure, int threads, msim_sim *sim,
                                               int (*run)(timing_candidate *, timing_sample *)) {
   char text[32];
-  a->candidates[a->count] = (struct forces_candidate){a, name, threads};
+  a->candidates[a->count] = (struct forces_candidate){a, name, threads, sim};
   snprintf(text, sizeof text, "%s, %d thread%s", name, threads, threads == 1 ? "" : "s");
   candidate_init(&a->all[a->count], text, measure, run, &a->candidates[a->count]);
   return &a->all[a->count++];
@@ -79,13 +80,14 @@ static double bytes_of_step(const moving_scene *m) {
   return 104.0 * m->view.nparticles + 2 * half * m->view.nsprings;
 }
 
-static int make_forces_sim(forces_context *a, int threads, msim_error *err) {
+static int make_forces_sim(const forces_context *a, int threads, int precision, msim_sim **sim,
+                           msim_error *err) {
   msim_options options;
   msim_options_init(&options, sizeof options);
   options.integrator = "symplectic-euler";
   options.h = STEP;
   options.threads = threads;
-  msim_sim **sim = &a->sims[threads - 1];
+  options.precision = precision;
   return msim_sim_create(a->m.scene, &options, sim, err) == MSIM_OK &&
          msim_sim_set_state(*sim, &a->m.state, err) == MSIM_OK;
 }
@@ -101,12 +103,14 @@ static int make_context(const bench_scene *scene, double seconds, forces_context
   a->bytes = bytes_of_step(&a->m);
   a->steps = 1 + (int)(seconds / 8e-9 / a->m.view.nsprings);
   return textbook_make(&a->m.view, a->m.x, a->m.v, &a->book) &&
-         triad_make(&a->memory, (size_t)a->bytes) && make_forces_sim(a, 1, err) &&
-         make_forces_sim(a, 2, err);
+         triad_make(&a->memory, (size_t)a->bytes) &&
+         make_forces_sim(a, 1, MSIM_PRECISION_DOUBLE, &a->sims[0], err) &&
+         make_forces_sim(a, 2, MSIM_PRECISION_DOUBLE, &a->sims[1], err) &&
+         make_forces_sim(a, 1, MSIM_PRECISION_SINGLE, &a->sims[2], err);
 }
 
 static void free_context(forces_context *a) {
-  for (int i = 0; i < 2; i++) msim_sim_destroy(a->sims[i]);
+  for (int i = 0; i < 3; i++) msim_sim_destroy(a->sims[i]);
   textbook_free(&a->book);
   triad_free(&a->memory);
   moving_scene_free(&a->m);
@@ -179,16 +183,20 @@ static void report_scene(report *out, const forces_context *a, double difference
 static void measure_forces(report *out, forces_context *a, const timing_limits *p) {
   const double difference = textbook_difference(a);
   const int two = usable_cores() > 1;
-  const timing_candidate *step = add_forces_candidate(a, "msim", "step", 1, run_explicit_steps);
-  const timing_candidate *book = add_forces_candidate(a, "textbook", "step", 1, run_textbook);
-  const timing_candidate *memory = add_forces_candidate(a, "triad", "triad", 1, run_triad);
+  const timing_candidate *step =
+      add_forces_candidate(a, "msim", "step", 1, a->sims[0], run_explicit_steps);
+  const timing_candidate *single =
+      add_forces_candidate(a, "msim single", "step", 1, a->sims[2], run_explicit_steps);
+  const timing_candidate *book = add_forces_candidate(a, "textbook", "step", 1, NULL, run_textbook);
+  const timing_candidate *memory = add_forces_candidate(a, "triad", "triad", 1, NULL, run_triad);
   const timing_candidate *step2 =
-      two ? add_forces_candidate(a, "msim", "step", 2, run_explicit_steps) : NULL;
-  if (two) add_forces_candidate(a, "triad", "triad", 2, run_triad);
+      two ? add_forces_candidate(a, "msim", "step", 2, a->sims[1], run_explicit_steps) : NULL;
+  if (two) add_forces_candidate(a, "triad", "triad", 2, NULL, run_triad);
   time_in_turn(a->all, a->count, p);
   if (is_interrupted()) return;
   report_scene(out, a, difference);
   report_speedup(out, a, "speedup", "speedup over textbook", book, step);
+  report_speedup(out, a, "single", "speedup in single precision", step, single);
   report_speedup(out, a, "fraction of triad", "fraction of memory bandwidth", memory, step);
   report_speedup(out, a, "two threads", "speedup with two threads", step, step2);
   fflush(stdout);

@@ -46,10 +46,43 @@ static void report_respa_key(const setting_sweep *c, report *out) {
   report_key(out, "respa_over_velocity_verlet", ratio_of_results(respa.seconds, verlet.seconds));
 }
 
+enum { SINGLE_KEYS = 3 };
+
+/* The best method in single precision over the best one in double, at these errors; over[]: the
+ * largest in the scenes so far, NAN: none */
+static void add_single_over_double(const setting_sweep *c, report *out, double over[SINGLE_KEYS]) {
+  static const double errors[SINGLE_KEYS] = {1e-2, 1e-3, 1e-4};
+  static const char *const scenes[] = {"trampoline", "folding", "stiff"};
+  const char *scene = c->context.kind->name;
+  int counts = 0;
+  for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++)
+    counts |= strcmp(scene, scenes[i]) == 0;
+  for (int i = 0; i < SINGLE_KEYS && counts; i++) {
+    const precision_method *of_single = fastest_method(c, SINGLE, errors[i]),
+                           *of_double = fastest_method(c, DOUBLE, errors[i]);
+    const double ratio = ratio_of_results(cost_at_error(c, of_single, errors[i]).seconds,
+                                          cost_at_error(c, of_double, errors[i]).seconds);
+    report_add_row(out, "single",
+                   FIELDS(TEXT("scene", scene), REAL("error", errors[i]), REAL("ratio", ratio),
+                          TEXT("single", of_single ? of_single->name : NULL),
+                          TEXT("double", of_double ? of_double->name : NULL)));
+    printf(" single over double precision at %.0e: %.3g (%s; %s)\n", errors[i], ratio,
+           of_single ? of_single->name : "none", of_double ? of_double->name : "none");
+    if (!(over[i] >= ratio)) over[i] = ratio;
+  }
+}
+
+static void report_single_keys(const double over[SINGLE_KEYS], report *out) {
+  static const char *const keys[SINGLE_KEYS] = {"single_over_double_1e2", "single_over_double_1e3",
+                                                "single_over_double_1e4"};
+  for (int i = 0; i < SINGLE_KEYS; i++) report_key(out, keys[i], over[i]);
+}
+
 /*------------------------------------- all scenes -----------------------------------------------*/
 
 typedef struct precision_summary {
   cells cells;
+  double single[SINGLE_KEYS];
   double over_tol; /* the largest error of msim over tol; NAN: none was measured */
 } precision_summary;
 
@@ -87,6 +120,7 @@ static void measure_precision_scene(const bench_run *b, const precision_scene *k
     cells_add(&c, b->report, &f->cells);
     report_error_over_tol(&c, &f->over_tol);
     report_respa_key(&c, b->report);
+    add_single_over_double(&c, b->report, f->single);
   }
   setting_sweep_free(&c);
   ode_forces_free(&k);
@@ -95,7 +129,7 @@ static void measure_precision_scene(const bench_run *b, const precision_scene *k
 }
 
 int bench_precision(bench_run *b) {
-  precision_summary f = {.over_tol = NAN};
+  precision_summary f = {.over_tol = NAN, .single = {NAN, NAN, NAN}};
   const precision_scene *kind;
   char reason[256];
   const ode_methods *ode = ode_load(reason);
@@ -107,5 +141,6 @@ int bench_precision(bench_run *b) {
   if (is_interrupted()) return 0;
   report_cell_keys(&f.cells, ode != NULL, b->report);
   report_key(b->report, "error_over_tol_worst", f.over_tol);
+  report_single_keys(f.single, b->report);
   return 0;
 }

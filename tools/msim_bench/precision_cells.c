@@ -46,8 +46,8 @@ void cells_add(const setting_sweep *c, report *out, cells *list) {
   print_titles(columns);
   for (int l = 0; l < ERROR_LEVELS && list->count < MAX_CELLS; l++) {
     if (!reference_solution_supports(t, levels[l])) continue;
-    const precision_method *best = fastest_method(c, 1, levels[l]),
-                           *sundials = fastest_method(c, 0, levels[l]);
+    const precision_method *best = fastest_method(c, DOUBLE, levels[l]),
+                           *sundials = fastest_method(c, LIBRARY, levels[l]);
     cell *here = &list->all[list->count++];
     *here = (cell){.scene = c->context.kind,
                    .level = l,

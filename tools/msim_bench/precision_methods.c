@@ -58,6 +58,20 @@ static void add_method(const reference_solution *t, const char *integrator, int3
   }
 }
 
+/* The methods that are the fastest of those in double precision where floats are sufficient; single
+ * precision takes no planes. */
+static void add_single_methods(const reference_solution *t, precision_methods *list) {
+  static const char *const names[] = {"verlet", "velocity-verlet", "rk4",
+                                      "rkc",    "takahashi-imada", "force-gradient"};
+  for (size_t i = 0; i < sizeof names / sizeof *names && !t->impacts; i++) {
+    precision_method *m = add_method_entry(list, names[i], ", single");
+    if (!m) return;
+    m->integrator = names[i];
+    m->precision = MSIM_PRECISION_SINGLE;
+    set_step_settings(t, m);
+  }
+}
+
 void precision_methods_collect(const reference_solution *t, int split_by, const ode_methods *ode,
                                precision_methods *list) {
   const msim_integrator_entry *entry;
@@ -67,6 +81,7 @@ void precision_methods_collect(const reference_solution *t, int split_by, const 
     add_method(t, entry->name, MSIM_COLLISION_REFLECT, "", list);
     if (t->impacts) add_method(t, entry->name, MSIM_COLLISION_EVENT, ", event", list);
   }
+  add_single_methods(t, list);
   for (int i = 0; ode && !t->impacts && (method = ode->info(i)) != NULL; i++) {
     if (method->split_mask && !(method->split_mask & split_by)) continue;
     precision_method *m = add_method_entry(list, method->name, "");
@@ -148,6 +163,7 @@ int precision_method_run(const run_context *a, const precision_method *m, double
                    .t_end = t->t_end,
                    .threads = a->threads,
                    .collision = m->collision,
+                   .precision = m->precision,
                    .until = until};
   if (m->by_tol) run.tol = setting;
   else run.steps = (int64_t)fmax(1, ceil(t->t_end / setting * (1 - 1e-12)));

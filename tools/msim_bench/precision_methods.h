@@ -18,7 +18,7 @@ typedef struct precision_method {
   const char *integrator; /* of msim; NULL: a method of the other library */
   int ode;                /* its number there, see ode.h */
   int by_tol;
-  int32_t collision;
+  int32_t collision, precision;
   double first, ratio; /* first setting (h in s, or tol); ratio of successive settings */
 } precision_method;
 

@@ -52,14 +52,16 @@ static void report_forces(report *out, const char *scene, const ode_forces *k) {
 /*------------------------------------- runs -----------------------------------------------------*/
 
 static const char *library_of(const precision_method *m) {
-  return m->integrator ? "msim" : "sundials";
+  static const char *const names[] = {
+      [LIBRARY] = "sundials", [DOUBLE] = "msim", [SINGLE] = "msim single"};
+  return names[group_of_method(m)];
 }
 
-/* Whether it is, at some error, within a factor of 1.5 of the best method of its library; only
+/* Whether it is, at some error, within a factor of 1.5 of the best method of its group; only
  * these are plotted. */
 static int is_near_best(const setting_sweep *c, const precision_method *m) {
   for (int l = 0; l < ERROR_LEVELS; l++) {
-    const precision_method *best = fastest_method(c, m->integrator != NULL, levels[l]);
+    const precision_method *best = fastest_method(c, group_of_method(m), levels[l]);
     if (best &&
         cost_at_error(c, m, levels[l]).seconds <= 1.5 * cost_at_error(c, best, levels[l]).seconds)
       return 1;

@@ -44,16 +44,20 @@ cost cost_at_error(const setting_sweep *c, const precision_method *m, double err
   return best;
 }
 
-static int is_in_group(const precision_method *m, int of_msim) {
-  if (!m->integrator) return !of_msim;
-  return of_msim && strcmp(m->integrator, "auto") != 0;
+method_group group_of_method(const precision_method *m) {
+  if (!m->integrator) return LIBRARY;
+  return m->precision == MSIM_PRECISION_SINGLE ? SINGLE : DOUBLE;
 }
 
-const precision_method *fastest_method(const setting_sweep *c, int of_msim, double error) {
+static int is_in_group(const precision_method *m, method_group group) {
+  return group_of_method(m) == group && !(m->integrator && strcmp(m->integrator, "auto") == 0);
+}
+
+const precision_method *fastest_method(const setting_sweep *c, method_group group, double error) {
   const precision_method *best = NULL;
   double least = INFINITY;
   for (const precision_method *m = c->methods.all; m < c->methods.all + c->methods.count; m++) {
-    const double seconds = is_in_group(m, of_msim) ? cost_at_error(c, m, error).seconds : NAN;
+    const double seconds = is_in_group(m, group) ? cost_at_error(c, m, error).seconds : NAN;
     if (seconds < least) best = m, least = seconds;
   }
   return best;

@@ -20,7 +20,12 @@ typedef struct cost {
 /* m: may be NULL */
 cost cost_at_error(const setting_sweep *c, const precision_method *m, double error);
 
-/* The fastest method of msim other than `auto`, or of the other library; NULL: none. */
-const precision_method *fastest_method(const setting_sweep *c, int of_msim, double error);
+/* Methods of the other library, and of msim in double and in single precision */
+typedef enum method_group { LIBRARY, DOUBLE, SINGLE } method_group;
+
+/* The fastest method of a group other than `auto`; NULL: none. */
+const precision_method *fastest_method(const setting_sweep *c, method_group group, double error);
+
+method_group group_of_method(const precision_method *m);
 
 #endif
