@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "linear/solver_choice.h"
 #include "linear/jacobi.h"
+#include "linear/refinement.h"
 #include "linear/residual.h"
 #include "physics/offender.h"
 #include "physics/rank_model.h"
@@ -215,72 +216,10 @@ static msim_status form_right_hand_side(ms_solver *s, const ms_linear_system_spe
   return MSIM_OK;
 }
 
-/* 1 if v is accurate enough, or to rounding. residual_norm: ||b - A v||; NAN: to be computed. */
-static int is_accurate(ms_solver *s, const double *b, const double *v, double residual_norm) {
-  const ms_linear_system *system = &s->system;
-  const double size = s->target.size;
-  if (isnan(residual_norm)) residual_norm = ms_residual_compute(system, b, v, s->residual);
-  s->relative_residual = size > 0 ? residual_norm / size : residual_norm;
-  return residual_norm <= s->target.rtol * size ||
-         residual_norm <=
-             ms_residual_compute_rounding_level(system, b, v, s->magnitude, s->correction);
-}
-
-/* With rtol >= 1e-4 a backend may solve in single precision (backend.h), which is for
- * preconditioners only. */
-static ms_linear_target factor_target(const ms_solver *s) {
-  const double FINE = 1e-5;
-  ms_linear_target target = s->target;
-  if (s->linear->factorises) target.rtol = fmin(target.rtol, FINE);
-  return target;
-}
-
-/* Accept v, or refine it iteratively with the present factor. */
-static msim_status check_and_refine(ms_solver *s, const double *b, double *v, msim_error *err) {
-  enum { REFINEMENTS = 3 };
-  const ms_shape shape = s->system.model->shape;
-  const ms_linear_target target = factor_target(s);
-  double residual_norm = s->linear->is_verified ? s->linear->residual : NAN;
-  for (int round = 0; !is_accurate(s, b, v, residual_norm); round++) {
-    s->offender = isfinite(s->relative_residual) ? ms_vector_find_largest(shape, s->residual)
-                                                 : ms_vector_find_invalid(shape, v);
-    if (!isfinite(s->relative_residual))
-      return ms_error_set(err, MSIM_NOT_CONVERGED, "the solution of solver %s is not finite",
-                          s->linear->name);
-    if (round == REFINEMENTS || !s->linear->factorises)
-      return ms_error_set(
-          err, MSIM_NOT_CONVERGED,
-          "solver %s reached a relative residual of %.3g, not %.3g; raise solver.rtol%s",
-          s->linear->name, s->relative_residual, s->target.rtol,
-          s->linear->factorises ? "" : " or solver.max_iterations, or use solver = cholmod");
-    ms_vector_clear_all(shape, s->correction);
-    int64_t iterations = 0;
-    msim_status status =
-        s->linear->ops->solve(s->linear, &target, s->residual, s->correction, &iterations, err);
-    if (status) return status;
-    ms_vector_axpy(shape, 1, s->correction, v);
-    residual_norm = NAN;
-    s->stats->refinements++;
-  }
-  return MSIM_OK;
-}
-
-static msim_status solve_and_check(ms_solver *s, const double *b, double *v, msim_error *err) {
-  double start = ms_clock_now();
-  ms_vector_clear_all(s->system.model->shape, v);
-  const ms_linear_target target = factor_target(s);
-  msim_status status = s->linear->ops->solve(s->linear, &target, b, v, &s->stats->iterations, err);
-  /* after max_iterations the residual may still be at rounding level */
-  if ((status == MSIM_OK && !s->linear->exact) || status == MSIM_NOT_CONVERGED)
-    status = check_and_refine(s, b, v, err);
-  s->stats->solve_s += ms_clock_now() - start;
-  return status;
-}
-
 static msim_status factor_and_solve(ms_solver *s, int32_t kind, const double *b, double *v,
                                     msim_error *err) {
   msim_status status = solver_factor(s, s->linear, kind, err);
-  if (!status) status = solve_and_check(s, b, v, err);
+  if (!status) status = ms_refinement_solve(s, b, v, err);
   if (!status && kind == MSIM_FACTOR_SPD && s->lagged_factor.factorizer == s->linear)
     ms_lagged_factor_renew(&s->lagged_factor, 0);
   return status;
@@ -296,7 +235,7 @@ static msim_status try_lagged_factor(ms_solver *s, const double *b, double *v) {
   ms_vector_clear_all(s->system.model->shape, v);
   msim_status status =
       ms_lagged_factor_solve(&s->lagged_factor, &s->target, b, v, &iterations, &residual_norm);
-  if (!status && !is_accurate(s, b, v, residual_norm)) status = MSIM_NOT_CONVERGED;
+  if (!status && !ms_refinement_is_accurate(s, b, v, residual_norm)) status = MSIM_NOT_CONVERGED;
   ms_lagged_factor_record(&s->lagged_factor, !status, iterations);
   if (status && s->lagged_factor.factorizer != s->linear)
     s->lagged_factor.age = 0; /* pcg has to amortize a new one */
@@ -390,7 +329,7 @@ static msim_status solve_constant(ms_solver *s, const ms_linear_system_spec *r, 
     s->constant_h = r->h;
   }
   const msim_status status = form_right_hand_side(s, r, &b);
-  return status ? status : solve_and_check(s, b, v, err);
+  return status ? status : ms_refinement_solve(s, b, v, err);
 }
 
 /* Prepare A without the damping derivative as a preconditioner, positive definite or not. */
@@ -418,7 +357,7 @@ static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, 
   ms_vector_clear_all(s->system.model->shape, v);
   if (eliminates) status = ms_elimination_solve(&s->elimination, &s->system, b, v);
   else status = ms_bicgstab_solve(&s->bicgstab, s->linear, &s->target, b, v, count);
-  if (!status && !is_accurate(s, b, v, NAN)) status = MSIM_NOT_CONVERGED;
+  if (!status && !ms_refinement_is_accurate(s, b, v, NAN)) status = MSIM_NOT_CONVERGED;
   s->stats->solve_s += ms_clock_now() - start;
   return status;
 }
@@ -447,13 +386,25 @@ static msim_status solve_once(ms_solver *s, const ms_linear_system_spec *r, cons
   return status;
 }
 
+static msim_status begin_solve(ms_solver *s, const ms_linear_system_spec *r, const double *b) {
+  const int32_t most = r->max_iterations, usual = s->opt->solver_max_iterations;
+  s->target = (ms_linear_target){.rtol = r->rtol, .max_iterations = most ? most : usual};
+  return check_finite(s, s->system.model->shape, b);
+}
+
+/* b: the right-hand side of the system that was solved */
+static msim_status end_solve(ms_solver *s, const ms_linear_system_spec *r, const double *b,
+                             double *v) {
+  const ms_shape shape = s->system.model->shape;
+  if (!s->linear->exact) ms_momentum_balance(s->system.model, &s->system.a, &s->components, b, v);
+  if (r->guess) ms_vector_axpy(shape, 1, r->guess, v);
+  return check_finite(s, shape, v);
+}
+
 msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
                             double *v, msim_error *err) {
-  const ms_shape shape = solver->system.model->shape;
-  msim_status status = check_finite(solver, shape, b);
+  msim_status status = begin_solve(solver, spec, b);
   if (status) return status;
-  const int32_t most = spec->max_iterations, usual = solver->opt->solver_max_iterations;
-  solver->target = (ms_linear_target){.rtol = spec->rtol, .max_iterations = most ? most : usual};
   solver->stats->solves++;
   status = solve_once(solver, spec, b, v, err);
   const int at_limit = status == MSIM_NOT_CONVERGED && !spec->v;
@@ -463,11 +414,18 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec
       !ms_solver_switch_to_cholmod(solver, NULL))
     status = solve_once(solver, spec, b, v, err);
   if (status && !solver->incomplete) return status;
-  if (!solver->linear->exact)
-    ms_momentum_balance(solver->system.model, &solver->system.a, &solver->components,
-                        spec->base || spec->guess ? solver->b : b, v);
-  if (spec->guess) ms_vector_axpy(shape, 1, spec->guess, v);
-  return check_finite(solver, shape, v);
+  return end_solve(solver, spec, spec->base || spec->guess ? solver->b : b, v);
+}
+
+msim_status ms_solver_solve_again(ms_solver *s, double rtol, const double *b, double *v,
+                                  msim_error *err) {
+  const ms_linear_system_spec spec = {.rtol = rtol};
+  msim_status status = begin_solve(s, &spec, b);
+  if (status) return status;
+  s->stats->solves++;
+  status = form_right_hand_side(s, &spec, &b);
+  if (!status) status = ms_refinement_solve(s, b, v, err);
+  return status ? status : end_solve(s, &spec, b, v);
 }
 
 /*------------------------------------- descent directions ---------------------------------------*/

@@ -111,6 +111,11 @@ typedef struct ms_linear_system_spec {
 msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
                             double *v, msim_error *err);
 
+/* v = A^-1 b to the relative residual rtol, with the matrix and the factor of the last solve, which
+ * succeeded */
+msim_status ms_solver_solve_again(ms_solver *solver, double rtol, const double *b, double *v,
+                                  msim_error *err);
+
 /* 1: specs may have a v, because springs are damped and a solver for non-symmetric matrices exists:
  * the one selected, or BiCGStab or elimination beside it. */
 int ms_solver_supports_damping_derivative(const ms_solver *solver);
