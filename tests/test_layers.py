@@ -6,7 +6,7 @@ from pathlib import Path
 import support
 
 LEVELS = {"base": 0, "scene": 1, "layout": 2, "physics": 3, "linear": 4, "contact": 5, "integrate": 5, "methods": 5, "sim": 6,
-          "choose": 7, "checkpoint": 8, "record": 9, "report": 9, "api": 10}
+          "choose": 7, "statics": 7, "checkpoint": 8, "record": 9, "report": 9, "api": 10}
 # The modules and headers that a module may include besides its own headers and those of C11;
 # layout, physics, linear and integrate only compute.
 C11 = {name + ".h" for name in

@@ -1,5 +1,5 @@
 /* msim.h - the public API of msim, a library that simulates mass-spring systems. Include this
- * header; it includes scene.h, mesh.h and options.h.
+ * header; it includes scene.h, mesh.h, options.h and statics.h.
  *
  * There are two kinds of objects: a scene (the mechanical model) and a sim (its motion). Build a
  * scene, create a sim from it, step the sim, read its state:
@@ -57,14 +57,13 @@
 
 #include "msim/mesh.h"
 #include "msim/options.h"
+#include "msim/statics.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 /*------------------------------------- sim ------------------------------------------------------*/
-
-typedef struct msim_sim msim_sim;
 
 /* State at the time t = t0 + (step - step0) h; under error control t is the sum of all steps, or
  * the time of a frame. */

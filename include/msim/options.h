@@ -105,6 +105,7 @@ enum {
   MSIM_SKIP_ISLANDS = 1u << 9           /* off: one system for all particles, connected or not */
 };
 
+typedef struct msim_sim msim_sim;                     /* a scene in motion, see msim/msim.h */
 typedef struct msim_backend msim_backend;             /* a linear solver, see msim/backend.h */
 typedef struct msim_recorder_type msim_recorder_type; /* writes trajectories, see msim/recorder.h */
 typedef struct msim_comm msim_comm; /* joins ranks that share one scene, see msim/comm.h */

@@ -1,0 +1,276 @@
+/* equilibrium - the state of rest near the present one (msim_sim_equilibrium)
+ *
+ * Pseudo-transient continuation (Kelley and Keyes 1998): each iteration is a step of implicit Euler
+ * from rest without damping, which minimizes, by Newton's method with a line search,
+ *   U(x) + |x - x_0|_M^2 / (2 h^2),
+ * U the elastic and potential energy. Short steps follow the steepest descent of U in the norm of
+ * M, so that the minimum nearby is found; as h grows, the second term vanishes, and the iterations
+ * become those of Newton's method on U. The second term also bounds motions that meet no stiffness,
+ * as of slack cables. h grows tenfold after each step that converges fast, and is a tenth after one
+ * that fails.
+ *
+ * Newton's method also converges to equilibria that are no minimum, as a straight column under its
+ * buckling load. So M + h^2 K is factored at the end: if it is not positive definite, the search
+ * continues from a small displacement along the motion with the most negative stiffness. */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/sized.h"
+#include "base/vec3.h"
+#include "layout/components.h"
+#include "physics/bounds.h"
+#include "statics/static_sim.h"
+
+typedef struct search {
+  msim_sim *of;  /* whose equilibrium is wanted */
+  msim_sim *sim; /* static_sim.h */
+  double *x;     /* 3n: the present positions */
+  double *force; /* 3n: that nothing balances there */
+  double h;
+  double accepted; /* N: the largest force at the end of the search */
+  int32_t most;    /* iterations of Newton's method */
+  msim_equilibrium result;
+} search;
+
+static void measure_forces(search *s) {
+  const ms_scene *scene = s->sim->scene;
+  s->result.force = 0;
+  for (int32_t p = 0; p < scene->nparticles; p++) {
+    const double force = ms_vec3_norm(s->force + 3 * (size_t)p);
+    if (scene->pinned[p] || !(force > s->result.force)) continue;
+    s->result.force = force, s->result.particle = p;
+  }
+}
+
+/* The force on each particle in x: without obstacles the sum of all forces, with them what contacts
+ * leave of it, m v/h, v the velocity at the end of a step that began at rest. */
+static void find_forces(search *s) {
+  const ms_scene *scene = s->sim->scene;
+  msim_state now = {.size = sizeof now};
+  msim_sim_state(s->sim, &now);
+  if (!ms_scene_has_obstacles(scene)) msim_sim_force(s->sim, s->x, scene->v, s->force);
+  else
+    for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++)
+      s->force[i] = scene->mass[i / 3] * now.v[i] / s->h;
+  measure_forces(s);
+}
+
+static int32_t iterations_left(const search *s) { return s->most - s->result.iterations; }
+
+/*------------------------------------- bodies without support -----------------------------------*/
+
+/* sum: the force on each of the n bodies; NAN: it is supported. Infinite masses of pinned particles
+ * take part in no sum. */
+static void sum_forces(const search *s, const int32_t *of, double *sum) {
+  const ms_scene *scene = s->sim->scene;
+  for (int32_t p = 0; p < scene->nparticles; p++)
+    if (of[p] >= 0) ms_vec3_axpy(1, s->force + 3 * (size_t)p, sum + 3 * (size_t)of[p]);
+  for (size_t e = 0; e < (size_t)scene->nsprings; e++) {
+    const int32_t i = of[scene->ij[2 * e]], j = of[scene->ij[2 * e + 1]];
+    if (i < 0 && j >= 0) sum[3 * (size_t)j] = NAN;
+    if (j < 0 && i >= 0) sum[3 * (size_t)i] = NAN;
+  }
+}
+
+/* MSIM_NOT_CONVERGED: no pinned particle and no obstacle supports a body on which a force acts. */
+static msim_status check_support(const search *s, msim_error *err) {
+  const ms_scene *scene = s->sim->scene;
+  double *sum = NULL;
+  int32_t *of, p = 0;
+  msim_status status = MSIM_OK;
+  if (ms_scene_has_obstacles(scene)) return MSIM_OK;
+  const int fits = MS_NEW(&scene->alloc, of, scene->nparticles) != NULL;
+  const int32_t n = fits ? ms_components_number_particles(scene, of) : 0;
+  if (!fits || !MS_NEW(&scene->alloc, sum, 3 * (size_t)n)) {
+    MS_FREE(&scene->alloc, of, sum);
+    return ms_error_set_memory(err, "the equilibrium");
+  }
+  sum_forces(s, of, sum);
+  while (p < scene->nparticles &&
+         !(of[p] >= 0 && ms_vec3_norm(sum + 3 * (size_t)of[p]) > s->accepted))
+    p++;
+  if (p < scene->nparticles)
+    status = ms_error_set(err, MSIM_NOT_CONVERGED,
+                          "there is no equilibrium: a force of %.3g N moves the body of particle "
+                          "%d, which is connected to no pinned particle",
+                          ms_vec3_norm(sum + 3 * (size_t)of[p]), p);
+  MS_FREE(&scene->alloc, of, sum);
+  return status;
+}
+
+/*------------------------------------- minima ---------------------------------------------------*/
+
+static void fill_random(ms_shape shape, double *v) {
+  for (int32_t i = 0; i < shape.dims * shape.stride; i++)
+    v[i] = i % shape.stride < shape.n ? ms_vector_random_entry((uint32_t)i) : 0;
+}
+
+/* v = the motion with the most negative stiffness, by the power method on (M + h^2 K)^-1 M, whose
+ * largest eigenvalue 1/(1 + h^2 w^2) belongs to it, with the largest h of h/2, h/4, ... for which
+ * that matrix is positive definite. */
+static msim_status find_unstable_motion(search *s, double *v, msim_error *err) {
+  enum { HALVINGS = 60, ITERATIONS = 30 };
+  const ms_stepper *stepper = &s->sim->islands->stepper;
+  const ms_shape shape = stepper->model->shape;
+  double *b = stepper->scratch;
+  msim_status status = MSIM_NOT_SPD;
+  fill_random(shape, v);
+  for (int i = 0; i < HALVINGS && status == MSIM_NOT_SPD; i++) {
+    s->h /= 2;
+    ms_vector_scale_rows(shape, stepper->model->mass, v, b);
+    status = ms_static_sim_solve(s->sim, s->h, b, v, err);
+  }
+  for (int i = 0; i < ITERATIONS && !status; i++) {
+    ms_vector_scale(shape, 1 / sqrt(ms_vector_dot(shape, v, v)), v);
+    ms_vector_scale_rows(shape, stepper->model->mass, v, b);
+    status = ms_static_sim_solve(s->sim, s->h, b, v, err);
+  }
+  return status;
+}
+
+/* Displace the particles along v by at most a hundredth of the mean length of springs. */
+static void leave_saddle(search *s, double *v) {
+  const ms_scene *scene = s->sim->scene;
+  const ms_unknowns *unknowns = &s->sim->islands->model.unknowns;
+  double sum = 0, largest = 0;
+  for (size_t e = 0; e < (size_t)scene->nsprings; e++) {
+    const double *i = s->x + 3 * (size_t)scene->ij[2 * e];
+    double d[3];
+    memcpy(d, s->x + 3 * (size_t)scene->ij[2 * e + 1], sizeof d);
+    ms_vec3_axpy(-1, i, d);
+    sum += ms_vec3_norm(d);
+  }
+  ms_unknowns_scatter(unknowns, v, s->force);
+  for (int32_t p = 0; p < scene->nparticles; p++)
+    if (!scene->pinned[p]) largest = fmax(largest, ms_vec3_norm(s->force + 3 * (size_t)p));
+  const double scale = 0.01 * sum / scene->nsprings / largest;
+  for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++)
+    if (!scene->pinned[i / 3]) s->x[i] += scale * s->force[i];
+  s->result.saddles++;
+}
+
+/* *left: the equilibrium was no minimum, and x has moved away from it. */
+static msim_status check_minimum(search *s, int *left, msim_error *err) {
+  ms_stepper *stepper = &s->sim->islands->stepper;
+  const ms_shape shape = stepper->model->shape;
+  double *b = stepper->work[0], *v = stepper->work[1];
+  *left = 0;
+  s->result.is_minimum = !ms_scene_has_obstacles(s->sim->scene);
+  if (!s->result.is_minimum) return MSIM_OK;
+  msim_status status = ms_static_sim_start(s->sim, s->x, s->h, err);
+  if (status) return status;
+  fill_random(shape, b);
+  status = ms_static_sim_solve(s->sim, s->h, b, v, err);
+  if (status != MSIM_NOT_SPD) return status;
+  status = find_unstable_motion(s, v, err);
+  if (!status) leave_saddle(s, v);
+  *left = 1;
+  return status;
+}
+
+/*------------------------------------- search ---------------------------------------------------*/
+
+/* One step of h from rest in x; *fast: Newton's method took few iterations. */
+static msim_status make_step(search *s, int *fast, msim_error *err) {
+  enum { FEW = 10 };
+  msim_state now = {.size = sizeof now};
+  const int64_t before = s->sim->stats.newton_iterations;
+  s->sim->config.opt.newton_max_iterations = iterations_left(s);
+  msim_status status = ms_static_sim_start(s->sim, s->x, s->h, err);
+  if (!status) status = ms_sim_make_steps(s->sim, 1, err);
+  const int32_t made = (int32_t)(s->sim->stats.newton_iterations - before);
+  s->result.iterations += made;
+  if (status) return status;
+  msim_sim_state(s->sim, &now);
+  memcpy(s->x, now.x, 3 * (size_t)now.n * sizeof *s->x);
+  *fast = made <= FEW;
+  return MSIM_OK;
+}
+
+static msim_status fail(const search *s, msim_error *err) {
+  return ms_error_set(err, MSIM_NOT_CONVERGED,
+                      "no equilibrium was found in %d iterations of Newton's method: %.3g N are "
+                      "left on particle %d, and %.3g N are accepted; allow more iterations, or "
+                      "check that the particles are supported",
+                      s->most, s->result.force, s->result.particle, s->accepted);
+}
+
+/* h within [LEAST, MOST] of its first value */
+static msim_status find_equilibrium(search *s, int is_last, msim_error *err) {
+  const double GROWTH = 10, MOST = 1e8, LEAST = 1e-8, first = s->h;
+  while (iterations_left(s) > 0 && s->h > LEAST * first) {
+    int fast = 0, left = 0;
+    msim_status status = ms_static_sim_check_stop(s->of, err);
+    if (!status) status = make_step(s, &fast, err);
+    if (status < 0 || status == MSIM_STOPPED) return status;
+    if (status) {
+      s->h /= GROWTH;
+      continue;
+    }
+    find_forces(s);
+    const int is_small = s->result.force <= s->accepted;
+    if (is_small && is_last) status = check_minimum(s, &left, err);
+    if (status || (is_small && !left)) return status;
+    if (!left && fast) s->h = fmin(GROWTH * s->h, MOST * first);
+  }
+  return fail(s, err);
+}
+
+/* Start at the present state, if bodies are supported. */
+static msim_status begin_search(search *s, msim_error *err) {
+  const ms_scene *scene = s->sim->scene;
+  const size_t n = 3 * (size_t)scene->nparticles;
+  ms_bounds bounds;
+  if (!MS_NEW(&scene->alloc, s->x, n) || !MS_NEW(&scene->alloc, s->force, n))
+    return ms_error_set_memory(err, "the equilibrium");
+  const msim_status status = ms_bounds_compute(scene, 0, &bounds, err);
+  if (status) return status;
+  s->h = bounds.omega > 0 ? 10 / bounds.omega : 1;
+  memcpy(s->x, scene->x, n * sizeof *s->x);
+  msim_sim_force(s->sim, s->x, scene->v, s->force);
+  measure_forces(s);
+  return check_support(s, err);
+}
+
+/* Conjugate gradients find the way in far less time than a direct solver, which is needed for the
+ * last digits, and to recognize a minimum. */
+static msim_status run_search(search *s, msim_error *err) {
+  const double ROUGH = 1e-4, accepted = s->accepted;
+  msim_status status = ms_static_sim_create(s->of, MS_STATIC_FAST, &s->sim, err);
+  if (!status) status = begin_search(s, err);
+  if (status) return status;
+  s->accepted = fmax(accepted, ROUGH * s->result.force);
+  status = find_equilibrium(s, 0, err);
+  if (status < 0 || status == MSIM_STOPPED) return status;
+  msim_sim_destroy(s->sim);
+  s->accepted = accepted;
+  status = ms_static_sim_create(s->of, MS_STATIC_EXACT, &s->sim, err);
+  return status ? status : find_equilibrium(s, 1, err);
+}
+
+static msim_status take_state(const search *s, msim_error *err) {
+  msim_state now = {.size = sizeof now};
+  msim_sim_state(s->of, &now);
+  now.x = s->x, now.v = s->sim->scene->v, now.v_half = NULL;
+  return msim_sim_set_state(s->of, &now, err);
+}
+
+msim_status msim_sim_equilibrium(msim_sim *sim, double ftol, int32_t max_iterations,
+                                 msim_equilibrium *result, msim_error *err) {
+  if (!sim || !(ftol > 0) || max_iterations < 1)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "sim is NULL, or ftol = %g or max_iterations = %d is not > 0", ftol,
+                        max_iterations);
+  search s = {
+      .of = sim, .accepted = ftol, .most = max_iterations, .result = {.size = sizeof s.result}};
+  msim_status status = ms_static_sim_check(sim, "msim_sim_equilibrium", err);
+  if (!status) status = run_search(&s, err);
+  if (!status && result && ms_sized_write(result, &s.result, sizeof s.result))
+    status = ms_error_set(err, MSIM_ERR_SIZE, "result.size is %zu; it must be %zu", result->size,
+                          sizeof s.result);
+  if (!status) status = take_state(&s, err);
+  MS_FREE(&sim->alloc, s.x, s.force);
+  msim_sim_destroy(s.sim);
+  return status ? status : ms_error_clear(err);
+}

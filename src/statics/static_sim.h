@@ -1,0 +1,34 @@
+/* static_sim - a sim of the same scene without damping and drag, at rest in the present state of
+ * another sim, by which equilibria and modes are computed */
+#ifndef MS_STATIC_SIM_H
+#define MS_STATIC_SIM_H
+
+#include "sim/sim.h"
+
+/* MSIM_ERR_UNSUPPORTED: forces depend on time or velocity, colliders move, or several ranks share
+ * the scene. `function` names the caller. */
+msim_status ms_static_sim_check(const msim_sim *of, const char *function, msim_error *err);
+
+/* Where the linear solver of the other sim is auto: MS_STATIC_FAST takes pcg, MS_STATIC_EXACT
+ * cholmod, if it is available, which finds out whether a matrix is positive definite. */
+enum { MS_STATIC_FAST, MS_STATIC_EXACT };
+
+/* A sim of one system with 3 components, for steps of implicit-euler of any length. On failure
+ * nothing is left. */
+msim_status ms_static_sim_create(msim_sim *of, int kind, msim_sim **sim, msim_error *err);
+
+/* MSIM_STOPPED: msim_sim_stop was called for `of`. */
+msim_status ms_static_sim_check_stop(msim_sim *of, msim_error *err);
+
+/* Start at rest in the positions x (3n) with steps of h. */
+msim_status ms_static_sim_start(msim_sim *sim, const double *x, double h, msim_error *err);
+
+/* A(x, h) = M + h^2 K of the sim's one system in the present positions: v = A^-1 b. MSIM_NOT_SPD:
+ * K has an eigenvalue below -1/h^2, with respect to M. */
+msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double *v,
+                                msim_error *err);
+
+/* The same for another b, with the same h. */
+msim_status ms_static_sim_solve_again(msim_sim *sim, const double *b, double *v, msim_error *err);
+
+#endif
