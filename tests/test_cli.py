@@ -85,7 +85,7 @@ class Refusals(CliTest):
         self.scene()
         run = ["run", "scene.json"]
         self.check([
-            ([], "run, explain or list", "'msim_cli --help'"),
+            ([], "run, rest, modes, explain or list", "'msim_cli --help'"),
             (["rum"], "'rum'", "--help"),
             (["run"], "needs a scene", "'msim_cli run --help'"),
             (["explain"], "needs a scene", "'msim_cli explain --help'"),

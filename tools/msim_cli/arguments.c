@@ -10,6 +10,8 @@
 /*------------------------------------- flags ----------------------------------------------------*/
 
 #define FOR_RUN    (1u << COMMAND_RUN)
+#define FOR_REST   (1u << COMMAND_REST)
+#define FOR_MODES  (1u << COMMAND_MODES)
 #define FOR_ALL    ((1u << NCOMMANDS) - 1)
 #define AT(member) offsetof(arguments, member)
 
@@ -18,23 +20,31 @@ static const cli_flag flags[] = {
      "write the motion: .html for a browser, .vtkhdf for ParaView, .pvd for ParaView before 5.12, "
      ".csv for spreadsheets and scripts, .EXT by the plugin msim_recorder_EXT.so",
      FOR_RUN, AT(out)},
-    {"final", "FILE.json", "write the last state, its energies and statistics", FOR_RUN, AT(final)},
+    {"final", "FILE.json", "write the last state, its energies and statistics", FOR_RUN | FOR_REST,
+     AT(final)},
+    {"json", "FILE.json", "write the frequencies and shapes", FOR_MODES, AT(json)},
+    {"count", "N", "how many of the lowest frequencies, as -n N (default 10)", FOR_MODES,
+     AT(count)},
+    {"ftol", "NEWTONS",
+     "the largest force that may be left on a particle (default: 1e-9 of the weight and the other "
+     "external forces, or, without any, of the largest force)",
+     FOR_REST, AT(ftol)},
     {"energies", "FILE.csv", "write the energies of each frame, and the work supplied until then",
      FOR_RUN, AT(tables[TABLE_ENERGIES])},
     {"reactions", "FILE.csv", "write the force that supports each pinned particle in each frame",
      FOR_RUN, AT(tables[TABLE_REACTIONS])},
     {"springs", "FILE.csv", "write tension, elongation and strain of each spring in each frame",
      FOR_RUN, AT(tables[TABLE_SPRINGS])},
-    {"init", "FINAL.json", "start from a state that --final wrote", FOR_RUN, AT(init)},
+    {"init", "FINAL.json", "start from a state that --final wrote", FOR_RUN | FOR_REST | FOR_MODES,
+     AT(init)},
     {"resume", NULL,
      "resume the run of the .vtkhdf file of --out after its last frame; start it if there is no "
      "such file",
      FOR_RUN, AT(resume)},
-    {"force", NULL,
-     "replace the files of --out, --final and of tables even if msim did not write them", FOR_RUN,
-     AT(force)},
+    {"force", NULL, "replace the files to be written even if msim did not write them",
+     FOR_RUN | FOR_REST | FOR_MODES, AT(force)},
     {"stats", NULL, "print all counters and the seconds of each phase", FOR_RUN, AT(stats)},
-    {"quiet", NULL, "print nothing but errors", FOR_RUN, AT(quiet)},
+    {"quiet", NULL, "print nothing but errors", FOR_RUN | FOR_REST | FOR_MODES, AT(quiet)},
     {"help", NULL, "show this text, as -h does", FOR_ALL, AT(help)},
 };
 enum { NFLAGS = sizeof flags / sizeof *flags };
@@ -42,12 +52,17 @@ enum { NFLAGS = sizeof flags / sizeof *flags };
 const cli_flag *flag_info(int i) { return i >= 0 && i < NFLAGS ? &flags[i] : NULL; }
 
 const char *command_name(command_id which) {
-  static const char *const names[NCOMMANDS] = {"run", "explain", "list"};
+  static const char *const names[NCOMMANDS] = {"run", "rest", "modes", "explain", "list"};
   return names[which];
 }
 
 int command_has_option(command_id which, const msim_option_entry *option) {
-  return which != COMMAND_LIST || strcmp(option->name, "plugin_path") == 0;
+  static const char *const statics[] = {"solver", "solver.options", "threads", "plugin_path"};
+  if (which == COMMAND_LIST) return strcmp(option->name, "plugin_path") == 0;
+  if (which != COMMAND_REST && which != COMMAND_MODES) return 1;
+  for (size_t i = 0; i < sizeof statics / sizeof *statics; i++)
+    if (strcmp(option->name, statics[i]) == 0) return 1;
+  return 0;
 }
 
 /*------------------------------------- for getopt_long ------------------------------------------*/
@@ -124,7 +139,7 @@ static int take_flag(arguments *args, const cli_flag *flag, const char *value) {
     return EXIT_OK;
   }
   if (!*value)
-    return report_usage_error(command_name(args->which), "--%s needs a file name", flag->name);
+    return report_usage_error(command_name(args->which), "--%s needs a value", flag->name);
   *(const char **)member = value;
   return EXIT_OK;
 }
@@ -159,15 +174,17 @@ static int take_long_option(arguments *args, const struct option *all, int value
   return take_flag(args, &flags[value - FIRST_FLAG], optarg);
 }
 
-/* "-:h": getopt_long returns operands in their order with the value 1, and different values for a
+/* "-:": getopt_long returns operands in their order with the value 1, and different values for a
  * missing value and for an unknown flag. */
 static int parse_all(arguments *args, int argc, char **argv, const struct option *all) {
   int value, status = EXIT_OK;
   opterr = 0;
-  while (!status && (value = getopt_long(argc, argv, "-:h", all, NULL)) != -1) {
+  const char *letters = args->which == COMMAND_MODES ? "-:hn:" : "-:h";
+  while (!status && (value = getopt_long(argc, argv, letters, all, NULL)) != -1) {
     const char *given = argv[optind - 1];
     if (value == 1) status = take_operand(args, optarg);
     else if (value == 'h') args->help = 1;
+    else if (value == 'n') args->count = optarg;
     else if (value == '?' || value == ':') status = report_getopt_error(args, all, value, given);
     else status = take_long_option(args, all, value, optarg == given ? argv[optind - 2] : given);
     if (args->help) return EXIT_OK;

@@ -5,7 +5,14 @@
 #include "msim/msim.h"
 #include "tables.h"
 
-typedef enum command_id { COMMAND_RUN, COMMAND_EXPLAIN, COMMAND_LIST, NCOMMANDS } command_id;
+typedef enum command_id {
+  COMMAND_RUN,
+  COMMAND_REST,
+  COMMAND_MODES,
+  COMMAND_EXPLAIN,
+  COMMAND_LIST,
+  NCOMMANDS
+} command_id;
 
 const char *command_name(command_id which);
 
@@ -15,9 +22,10 @@ typedef struct setting {
 
 typedef struct arguments {
   command_id which;
-  const char *scene;              /* NULL for list */
-  const char *out, *final, *init; /* NULL: not given */
-  const char *tables[NTABLES];    /* files of --energies, --reactions, --springs; NULL: not given */
+  const char *scene;               /* NULL for list */
+  const char *out, *final, *init;  /* NULL: not given */
+  const char *ftol, *count, *json; /* of rest and modes; NULL: not given */
+  const char *tables[NTABLES]; /* files of --energies, --reactions, --springs; NULL: not given */
   int resume, force, stats, quiet, help;
   int nsettings;
   setting *settings;    /* nsettings, in the order given */

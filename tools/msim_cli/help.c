@@ -18,6 +18,8 @@ const char help_example[] =
 
 static const help_entry commands[] = {
     {"run", "SCENE", "simulate a scene"},
+    {"rest", "SCENE", "find the equilibrium near the start"},
+    {"modes", "SCENE", "compute the lowest natural frequencies"},
     {"explain", "SCENE", "describe what a run would do, and why"},
     {"list", "", "list integrators, linear solvers and recorders"},
     {"help", "[TOPIC]",
@@ -50,6 +52,25 @@ static const char usage_run[] =
     "                          [--springs FILE.csv] [--init FINAL.json] [--resume]\n"
     "                          [--stats] [--quiet]\n"
     "Simulate a scene file, in JSON or HDF5 (*.h5).\n";
+
+static const char usage_rest[] =
+    "Usage: msim_cli rest SCENE [--ftol NEWTONS] [--final FILE.json]\n"
+    "                           [--init FINAL.json] [--quiet]\n"
+    "Find the equilibrium near the start: a minimum of elastic and potential energy,\n"
+    "where the forces on each particle sum up to 0. Damping and drag have no effect.\n"
+    "\n"
+    "Example: a run that starts at rest.\n"
+    "  msim_cli rest rope.json --final rest.json\n"
+    "  msim_cli run rope.json --init rest.json --integrator rk4 --t_end 1\n";
+
+static const char usage_modes[] =
+    "Usage: msim_cli modes SCENE [-n N] [--init FINAL.json] [--json FILE.json]\n"
+    "Compute the lowest natural frequencies (Hz) of small undamped vibrations about\n"
+    "the start, or the state of --init, as 'msim_cli rest' writes it. A negative\n"
+    "frequency is that of an unstable motion.\n"
+    "\n"
+    "Example:\n"
+    "  msim_cli modes rope.json --init rest.json -n 6\n";
 
 static const char usage_explain[] =
     "Usage: msim_cli explain SCENE [--OPTION VALUE]...\n"
@@ -105,15 +126,16 @@ static void print_options(command_id which) {
 }
 
 void help_command(command_id which) {
-  static const char *const usage[NCOMMANDS] = {usage_run, usage_explain, usage_list};
+  static const char *const usage[NCOMMANDS] = {usage_run, usage_rest, usage_modes, usage_explain,
+                                               usage_list};
   fputs(usage[which], stdout);
   if (which == COMMAND_RUN) printf("\n%s", help_example);
   puts("\nFlags:");
   print_flags(which);
   puts("\nOptions, as --NAME VALUE or --NAME=VALUE:");
   print_options(which);
-  if (which != COMMAND_LIST) printf("\n%s", precedence);
-  if (which == COMMAND_RUN) fputs(exit_status, stdout);
+  if (which == COMMAND_RUN || which == COMMAND_EXPLAIN) printf("\n%s", precedence);
+  if (which < COMMAND_EXPLAIN) fputs(exit_status, stdout);
 }
 
 static void print_entry(const help_entry *entry) {
@@ -216,14 +238,14 @@ int help_topic(int argc, char **argv) {
 }
 
 int help_refuse_command(const char *name) {
-  const char *names[8] = {NULL};
+  const char *names[12] = {NULL};
   const help_entry *entry;
   for (int i = 0; (entry = help_command_info(i)) != NULL; i++) names[i] = entry->name;
   const char *meant = msim_nearest_name(name, names);
   if (meant)
     return report_usage_error("", "there is no command '%s' (did you mean '%s'?)", name, meant);
   return report_usage_error("",
-                            "there is no command '%s', only run, explain, list, help and "
-                            "completion",
+                            "there is no command '%s', only run, rest, modes, explain, list, help "
+                            "and completion",
                             name);
 }

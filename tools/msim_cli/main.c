@@ -14,6 +14,7 @@
 #include "report.h"
 #include "run.h"
 #include "setup.h"
+#include "statics.h"
 
 const char program_name[] = "msim_cli";
 
@@ -38,8 +39,8 @@ static int explain_command(const arguments *args) {
 }
 
 static int run_named_command(command_id which, int argc, char **argv) {
-  static int (*const commands[NCOMMANDS])(const arguments *) = {run_command, explain_command,
-                                                                report_list};
+  static int (*const commands[NCOMMANDS])(const arguments *) = {
+      run_command, rest_command, modes_command, explain_command, report_list};
   arguments args;
   if (which == COMMAND_RUN) ranks_begin();
   int status = arguments_parse(which, argc, argv, &args);
@@ -54,7 +55,8 @@ static int is_one_of(const char *word, const char *a, const char *b) {
 }
 
 static int dispatch(int argc, char **argv) {
-  if (argc < 2) return report_usage_error("", "a command is missing: run, explain or list");
+  if (argc < 2)
+    return report_usage_error("", "a command is missing: run, rest, modes, explain or list");
   const char *name = argv[1];
   if (is_one_of(name, "-h", "--help")) return help_program(), EXIT_OK;
   if (is_one_of(name, "-V", "--version")) return help_version(), EXIT_OK;

@@ -1,9 +1,7 @@
-#define _POSIX_C_SOURCE 200809L /* sigaction */
 #include "run.h"
 
 #include <inttypes.h>
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -16,6 +14,7 @@
 #include "ranks.h"
 #include "report.h"
 #include "setup.h"
+#include "stopping.h"
 #include "tables.h"
 #include "targets.h"
 
@@ -37,33 +36,6 @@ typedef struct run {
   msim_status failed; /* result of writing a frame */
   msim_error why;
 } run;
-
-/*------------------------------------- Ctrl-C ---------------------------------------------------*/
-
-static msim_sim *volatile running;
-static volatile sig_atomic_t stop_asked;
-
-/* SIGUSR1 is what batch systems send before the time limit, and what mpirun forwards. */
-static const int ending_signals[] = {SIGINT, SIGTERM, SIGUSR1};
-enum { ENDING_SIGNALS = sizeof ending_signals / sizeof *ending_signals };
-
-/* The first signal ends the run after the present step, the second one ends the program. */
-static void on_signal(int number) {
-  (void)number;
-  for (int i = 0; i < ENDING_SIGNALS; i++) signal(ending_signals[i], SIG_DFL);
-  stop_asked = 1;
-  if (running) msim_sim_stop(running);
-}
-
-/* Signals that the caller ignores, as `nohup` and `&` do, stay ignored. */
-static void catch_signals(msim_sim *sim) {
-  struct sigaction action = {.sa_handler = on_signal, .sa_flags = SA_RESTART}, before;
-  sigemptyset(&action.sa_mask);
-  running = sim;
-  for (int i = 0; i < ENDING_SIGNALS; i++)
-    if (sigaction(ending_signals[i], NULL, &before) == 0 && before.sa_handler != SIG_IGN)
-      sigaction(ending_signals[i], &action, NULL);
-}
 
 /*------------------------------------- before the run -------------------------------------------*/
 
@@ -201,7 +173,7 @@ static msim_status simulate(run *r, msim_error *err) {
   int64_t step = r->from.step, pace = 1, left = pace;
   double before = clock_seconds();
   msim_status status = has_frames(r) ? record_frame_at(r, step_time(r, step), err) : MSIM_OK;
-  while (!status && step < r->end && (!stop_asked || r->made.options.comm)) {
+  while (!status && step < r->end && (!stopping_is_asked() || r->made.options.comm)) {
     int64_t frame = has_frames(r) ? least_step(msim_sim_next_frame(r->sim), r->end) : r->end;
     int64_t n = least_step(frame - step, left);
     status = msim_sim_step(r->sim, n, err);
@@ -304,7 +276,7 @@ static void start_report(run *r) {
 
 static int run_simulation(run *r) {
   msim_error err = {MSIM_OK, ""};
-  catch_signals(r->sim);
+  stopping_catch_signals(r->sim);
   if (open_files(r)) return EXIT_ERROR;
   start_report(r);
   progress_start(&r->bar, r->args->quiet || !ranks_has_files(), r->from.step, r->end, r->from.t);
@@ -316,7 +288,7 @@ int run_command(const arguments *args) {
   run r = {.args = args, .t_recorded = NAN};
   int status = make_sim(&r);
   if (!status) status = run_simulation(&r);
-  running = NULL;
+  stopping_forget_sim();
   if (r.recorder) msim_recorder_close(r.recorder, NULL);
   output_discard(&r.final);
   for (int i = 0; i < NTABLES; i++) table_close(&r.tables[i]);

@@ -3,6 +3,7 @@
 #include "../common/files.h"
 #include "../common/message.h"
 #include "final.h"
+#include "statics.h"
 #include "tables.h"
 
 typedef struct target {
@@ -20,15 +21,16 @@ static int check_owner(const target *file) {
 
 /* Files are renamed when they are written, which would replace a device or a pipe. */
 static int check_target(const arguments *args, const target *file) {
-  const char *kind = special_file_kind(file->path);
+  const char *kind = special_file_kind(file->path), *command = command_name(args->which);
   if (same_file(file->path, args->scene))
     return report_usage_error(
-        "run", "'%s' is the scene file and must not be overwritten; use another name", args->scene);
+        command, "'%s' is the scene file and must not be overwritten; use another name",
+        args->scene);
   if (!file->may_be_init && same_file(file->path, args->init))
-    return report_usage_error("run", "'%s' cannot be both --init and %s; use another name",
+    return report_usage_error(command, "'%s' cannot be both --init and %s; use another name",
                               file->path, file->flag);
   if (kind)
-    return report_usage_error("run", "%s '%s' is %s, not a file", file->flag, file->path, kind);
+    return report_usage_error(command, "%s '%s' is %s, not a file", file->flag, file->path, kind);
   return args->force ? EXIT_OK : check_owner(file);
 }
 
@@ -36,6 +38,7 @@ int check_targets(const arguments *args) {
   const target all[] = {
       {"--out", args->out, NULL, NULL, 0},
       {"--final", args->final, final_beginning, "a final state", 1},
+      {"--json", args->json, modes_beginning, "a file of frequencies", 0},
       {"--energies", args->tables[TABLE_ENERGIES], table_title(TABLE_ENERGIES),
        "a table of energies", 0},
       {"--reactions", args->tables[TABLE_REACTIONS], table_title(TABLE_REACTIONS),
@@ -48,8 +51,9 @@ int check_targets(const arguments *args) {
     if (!all[i].path) continue;
     for (int j = 0; j < i; j++)
       if (same_file(all[j].path, all[i].path))
-        return report_usage_error("run", "'%s' cannot be both %s and %s; use another name",
-                                  all[i].path, all[j].flag, all[i].flag);
+        return report_usage_error(command_name(args->which),
+                                  "'%s' cannot be both %s and %s; use another name", all[i].path,
+                                  all[j].flag, all[i].flag);
     if (check_target(args, &all[i])) return EXIT_ERROR;
   }
   return EXIT_OK;
