@@ -104,6 +104,28 @@ static nb::tuple estimate(const Sim &s) {
                         e.factorizations, e.work);
 }
 
+static nb::tuple equilibrium(Sim &s, double ftol, int32_t max_iterations) {
+  msim_error err;
+  msim_equilibrium e{};
+  e.size = sizeof e;
+  const msim_status status = msim_sim_equilibrium(idle(s), ftol, max_iterations, &e, &err);
+  raise_force_exception();
+  check(status, err);
+  return nb::make_tuple(e.force, e.particle, e.iterations, e.saddles, e.is_minimum != 0);
+}
+
+static nb::tuple modes(Sim &s, int32_t n) {
+  msim_error err;
+  const size_t particles = static_cast<size_t>(state_of(s).n), count = static_cast<size_t>(n);
+  std::vector<double> frequency(count), shape(count * 3 * particles);
+  const msim_status status =
+      msim_sim_modes(idle(s), n, frequency.data(), shape.data(), &err);
+  raise_force_exception();
+  check(status, err);
+  return nb::make_tuple(copy(frequency.data(), {count}),
+                        copy(shape.data(), {count, particles, 3}));
+}
+
 static nb::str explain(const Sim &s) {
   msim_error err;
   const char *text;
@@ -117,6 +139,8 @@ void bind_readings(nb::class_<Sim> &sim) {
       .def("_stats", stats)
       .def("_plan", plan)
       .def("_estimate", estimate)
+      .def("_equilibrium", equilibrium)
+      .def("_modes", modes)
       .def("_force", force)
       .def("_reactions", reactions)
       .def("_contacts", contacts)

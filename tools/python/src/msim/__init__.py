@@ -15,7 +15,8 @@ from ._errors import (ArgumentError, ArgumentTypeError, BusyError, Error, FileEr
 from ._obstacles import Plane
 from ._options import (Integrator, Option, Plugin, importers, integrators, options, recorders,
                        solvers)
-from ._result import Energies, Energy, Estimate, Frame, Islands, Plan, Result, Springs
+from ._result import (Energies, Energy, Equilibrium, Estimate, Frame, Islands, Modes, Plan, Result,
+                      Springs)
 from ._scene import Scene
 from ._sim import Recorder, Sim, run
 from ._sweep import sweep
@@ -24,8 +25,8 @@ from ._view import view
 
 __version__ = _version()
 __all__ = [
-    "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Error", "Estimate",
-    "FileError", "ForceFailedError", "Frame", "Integrator", "Islands",
+    "ArgumentError", "ArgumentTypeError", "BusyError", "Energies", "Energy", "Equilibrium", "Error", "Estimate",
+    "FileError", "ForceFailedError", "Frame", "Integrator", "Islands", "Modes",
     "NameNotFoundError", "NotConvergedError", "NotFiniteError", "NotPositiveDefiniteError",
     "NumericalError", "Option", "OptionError", "OutOfMemoryError", "Plan", "Plane", "Plugin",
     "PluginError", "Recorder", "Result", "Scene", "Sim", "Springs", "Status", "StoppedError",

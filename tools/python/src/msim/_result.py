@@ -42,6 +42,27 @@ class Islands(NamedTuple):
     gravitational: Doubles
 
 
+class Equilibrium(NamedTuple):
+    """The largest force that is left, N, on which particle, and how it was found.
+
+    saddles: equilibria that were left, as they are no minimum of the energy. is_minimum: False
+    where it is not known, as particles may be in contact.
+    """
+
+    force: float
+    particle: int
+    iterations: int
+    saddles: int
+    is_minimum: bool
+
+
+class Modes(NamedTuple):
+    """Natural frequencies, Hz, (n,), and the motions of all particles, (n, particles, 3)."""
+
+    frequency: Doubles
+    shape: Doubles
+
+
 class Plan(NamedTuple):
     """Decisions made at creation: steps and t_end are -1 if no end was given."""
 

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from . import _arrays, _core, _edits, _options
 from ._arrays import Doubles, Path
 from ._errors import ArgumentError, ArgumentTypeError, FileError, NumericalError, Status
-from ._result import Energy, Estimate, Frame, Islands, Plan, Result, Springs
+from ._result import (Energy, Equilibrium, Estimate, Frame, Islands, Modes, Plan, Result,
+                      Springs)
 from ._scene import Scene
 
 if TYPE_CHECKING:
@@ -207,6 +208,24 @@ class Sim(_core.Sim):
     def broken(self) -> NDArray[np.bool_]:
         """True for each spring that is broken, in scene order."""
         return self._broken().astype(bool)
+
+    # -- equilibrium and vibrations ---------------------------------------------------------------
+
+    def equilibrium(self, ftol: float, max_iterations: int = 10000) -> Equilibrium:
+        """Move to an equilibrium near the present state, where at most ftol (N) is left.
+
+        It is a local minimum of the energy; damping and drag have no effect, velocities become 0.
+        Raises NotConvergedError where none is found, as there is none for a body that falls.
+        """
+        return Equilibrium(*self._equilibrium(_arrays.number("ftol", ftol),
+                                              _arrays.count("max_iterations", max_iterations)))
+
+    def modes(self, n: int = 10) -> Modes:
+        """The n lowest frequencies of small undamped vibrations about the present state.
+
+        0: a motion without stiffness; negative: an unstable one. Each shape u has u.M u = 1.
+        """
+        return Modes(*self._modes(_arrays.count("n", n, least=1)))
 
     # -- forces and matrices ----------------------------------------------------------------------
 
