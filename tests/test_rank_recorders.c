@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "msim/recorder.h"
+#include "peak_allocator.h"
 #include "rank_runs.h"
 
 /*------------------------------------- a recorder in memory -------------------------------------*/
@@ -218,31 +219,6 @@ static void one_rank_that_fails(void **state) {
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-/* Bytes that a rank has, and most of them so far; each block begins with its size. */
-typedef struct memory {
-  size_t live, peak;
-} memory;
-
-enum { BLOCK_HEAD = 16 };
-
-static void *take_memory(size_t bytes, void *user) {
-  memory *m = user;
-  char *block = malloc(bytes + BLOCK_HEAD);
-  if (!block) return NULL;
-  memcpy(block, &bytes, sizeof bytes);
-  m->live += bytes;
-  if (m->live > m->peak) m->peak = m->live;
-  return block + BLOCK_HEAD;
-}
-
-static void give_memory(void *ptr, void *user) {
-  size_t bytes;
-  if (!ptr) return;
-  memcpy(&bytes, (char *)ptr - BLOCK_HEAD, sizeof bytes);
-  ((memory *)user)->live -= bytes;
-  free((char *)ptr - BLOCK_HEAD);
-}
-
 enum { ROPE = 20000 };
 
 /* Particles and springs in the same order: a rank writes n / N of both, with one more particle. */
@@ -268,8 +244,8 @@ static msim_scene *make_rope(const msim_allocator *alloc) {
  * the text of the scene file, which it writes. */
 static const char *measure_rank(msim_comm *comm, void *data) {
   static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the arrays of make_rope */
-  memory m = {0};
-  const msim_allocator alloc = {sizeof alloc, take_memory, give_memory, &m};
+  peak_allocator m = {0};
+  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
   const size_t rows = ROPE / (size_t)comm->nranks + 2, rest = 4096;
   msim_options opt = options("velocity-verlet", 1e-4);
   msim_sim *sim;

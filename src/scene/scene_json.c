@@ -58,6 +58,11 @@ static msim_status read_pinned_particles(const ms_json_reader *r, ms_value value
   return status;
 }
 
+/* Free what has been read before the scene gets it. */
+static void release_all(const ms_json_reader *r, const ms_value values[4]) {
+  for (int i = 0; i < 4; i++) ms_value_release(values[i], &r->alloc);
+}
+
 static msim_status add_listed_particles(const ms_json_reader *r, ms_value section, ms_value x,
                                         ms_value mass, int32_t n, double *room /* 10n */) {
   double *at_v = room + 3 * (size_t)n, *at_force = at_v + 3 * (size_t)n,
@@ -72,6 +77,7 @@ static msim_status add_listed_particles(const ms_json_reader *r, ms_value sectio
     status = ms_json_read_each(r, "particles.mass", mass, keys[MS_KEY_MASS].range, n, at_mass);
   if (!status && force.json) status = ms_json_read_rows(r, "particles.force", force, n, at_force);
   if (status) return status;
+  release_all(r, (ms_value[]){x, v, mass, force});
   status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, r->err);
   if (!status && force.json) status = msim_scene_set_forces(r->scene, at_force, r->err);
   if (status || !pinned.json) return ms_json_forward_error(r, "", status);
@@ -113,6 +119,7 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
     status =
         ms_json_read_each(r, "springs.damping", damping, keys[MS_KEY_DAMPING].range, n, at_damping);
   if (status) return status;
+  release_all(r, (ms_value[]){pairs, k, rest, damping});
   status =
       msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, r->err);
   if (status || !law.json) return ms_json_forward_error(r, "", status);

@@ -1,6 +1,6 @@
 #include "scene/value.h"
 
-static const ms_column *column_of(ms_value v) {
+static ms_column *column_of(ms_value v) {
   return v.columns && json_is_integer(v.json) ? v.columns + json_integer_value(v.json) : NULL;
 }
 
@@ -55,3 +55,10 @@ int64_t ms_value_whole(ms_value v) {
 }
 
 const char *ms_value_text(ms_value v) { return json_string_value(v.json); }
+
+void ms_value_release(ms_value v, const msim_allocator *alloc) {
+  ms_column *c = column_of(v);
+  if (!c) return;
+  ms_memory_free(alloc, c->data);
+  c->data = NULL;
+}

@@ -7,6 +7,7 @@
 
 #include <jansson.h>
 
+#include "base/memory.h"
 #include "msim/importer.h"
 
 /* An array of numbers, or a text, from an importer. */
@@ -18,10 +19,10 @@ typedef struct ms_column {
 } ms_column;
 
 typedef struct ms_value {
-  json_t *json;             /* NULL: missing */
-  const ms_column *columns; /* NULL: all numbers are in the tree */
-  int32_t depth;            /* number of indices applied within the column */
-  size_t at;                /* these indices as one: (i_0 dims[1] + i_1) dims[2] + i_2 */
+  json_t *json;       /* NULL: missing */
+  ms_column *columns; /* NULL: all numbers are in the tree */
+  int32_t depth;      /* number of indices applied within the column */
+  size_t at;          /* these indices as one: (i_0 dims[1] + i_1) dims[2] + i_2 */
 } ms_value;
 
 int ms_value_is_array(ms_value v);
@@ -36,5 +37,9 @@ int ms_value_is_whole(ms_value v);
 double ms_value_number(ms_value v);
 int64_t ms_value_whole(ms_value v);
 const char *ms_value_text(ms_value v);
+
+/* Free the numbers of a column, which are not read again: they may take as much memory as the
+ * scene. */
+void ms_value_release(ms_value v, const msim_allocator *alloc);
 
 #endif
