@@ -33,6 +33,15 @@ static void laws_and_angles(void **state) {
   msim_scene_destroy(cloth);
 }
 
+/* Damped springs, and pins that move, of some ranks only */
+static void moving_pins(void **state) {
+  (void)state;
+  msim_scene *cloth = bending_cloth(10, 400, 0.01, 0.001);
+  move_corners(cloth, 10);
+  check_linear("moving pins", cloth, 2e-3);
+  msim_scene_destroy(cloth);
+}
+
 /* The modes of ranks make up for coarse spaces that end at their borders. */
 static void coarse_spaces(void **state) {
   (void)state;
@@ -250,6 +259,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(regular_and_shuffled_meshes),
       cmocka_unit_test(laws_and_angles),
+      cmocka_unit_test(moving_pins),
       cmocka_unit_test(coarse_spaces),
       cmocka_unit_test(dependent_modes),
       cmocka_unit_test(scalar_matrices),

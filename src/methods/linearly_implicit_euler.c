@@ -4,6 +4,7 @@
 #include "methods/methods.h"
 #include "physics/external_force.h"
 #include "physics/force_function.h"
+#include "physics/rank_model.h"
 
 /* The step without springs, by independent equations, with the drag b and the constant force F:
  *   (m + h b) v' = m v + h (m g + F),  x' = x + h v' */
@@ -41,7 +42,7 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
   }
   const ms_shape shape = s->model->shape;
   double *dv = s->work[0], *b = s->scratch;
-  double *v_pinned = s->model->pins ? b : NULL;
+  double *v_pinned = ms_rank_model_may_have_motions(s->model) ? b : NULL;
   if (v_pinned) ms_vector_clear_all(shape, b), s->c = 1;
   if (s->model->function) s->c = 1;
   ms_stepper_evaluate(s, &(ms_fused_step){.x = s->x, .v = v_pinned, .function_v = s->v, .a = dv});

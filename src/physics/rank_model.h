@@ -42,6 +42,11 @@ static inline ms_ranks *ms_rank_model_ranks(const ms_model *model) {
   return model->rank_model ? model->rank_model->halo->ranks : NULL;
 }
 
+/* 1: pins may move, of any rank */
+static inline int ms_rank_model_may_have_motions(const ms_model *model) {
+  return model->pins || (model->rank_model && model->scene->nmotions > 0);
+}
+
 /* The elastic energy at x of springs that count elsewhere; 0 in one process */
 double ms_rank_model_foreign_energy(const ms_model *model, const double *x);
 
