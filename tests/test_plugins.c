@@ -4,6 +4,7 @@
 #include <dlfcn.h>
 #include <sys/stat.h>
 
+#include "checkpoints.h"
 #include "faulty_plugins.h"
 #include "msim/backend.h"
 
@@ -34,6 +35,24 @@ static void third_party_plugins_solve(void **state) {
   (void)state;
   strangers_solve_as("good", 1);
   strangers_solve_as("matrix_free", 0);
+}
+
+/* Coarse factors depend on the matrix alone, so that a resumed run has the same bits. */
+static void two_levels_depend_on_the_state_alone(void **state) {
+  (void)state;
+  msim_scene *scene = pinned_block(8, 1, 3000, 7);
+  msim_options opt = options("linearly-implicit-euler", 0.01);
+  opt.solver = "matrix_free", opt.plugin_path = FAKES;
+  msim_sim *a = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(a, 5, err));
+  const checkpoint c = save(a);
+  msim_sim *b = resume(scene, &opt, &c);
+  assert_ok(msim_sim_step(a, 5, err));
+  assert_ok(msim_sim_step(b, 5, err));
+  expect_same(a, b, "resumed");
+  msim_sim_destroy(a), msim_sim_destroy(b);
+  msim_scene_destroy(scene);
+  free(c.bytes);
 }
 
 /* Threads of BLAS and OpenMP run inside a plugin: it stays loaded when the last sim is
@@ -206,6 +225,7 @@ static void relative_and_empty_folders(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(third_party_plugins_solve),
+      cmocka_unit_test(two_levels_depend_on_the_state_alone),
       cmocka_unit_test(plugins_stay_loaded),
       cmocka_unit_test(tables_are_checked),
       cmocka_unit_test(files_that_are_no_plugins),

@@ -57,10 +57,13 @@ static msim_status gather_factor(void *self, const msim_system *A, int32_t kind,
                                  msim_solve_info *info) {
   (void)kind, (void)info;
   gathering_backend *g = self;
+  const int32_t columns = A->block * (A->n + A->nghosts);
   memset(g->a, 0, (size_t)g->n * (size_t)g->n * sizeof *g->a);
   for (int32_t r = 0; r < A->block * A->n; r++)
-    for (int32_t e = A->rowptr[r]; e < A->rowptr[r + 1]; e++)
+    for (int32_t e = A->rowptr[r]; e < A->rowptr[r + 1]; e++) {
+      if (A->colind[e] >= columns) return MSIM_ERR_BACKEND;
       g->a[g->n * number_of(A, r) + number_of(A, A->colind[e])] = A->val[e];
+    }
   for (int32_t r = 0; r < g->n; r++) gather_numbers(A, g->n, g->a + (size_t)g->n * (size_t)r);
   for (int32_t i = 0; i < g->n; i++)
     for (int32_t j = 0; j < i; j++) {

@@ -72,13 +72,12 @@ static void adapter_precondition(const msim_system *view, const double *r, doubl
   ms_jacobi_apply(self->base.system->model, &self->jacobi, view->block, r, z);
 }
 
-/* Where blocks are scalar, components are independent: the others are 0. */
+/* Where blocks are scalar, components are independent: the others stay 0. */
 static void adapter_precondition_by_two_levels(const msim_system *view, const double *r,
                                                double *z) {
   const adapter *self = view->data;
   const ms_model *model = self->base.system->model;
   double *all = self->work ? self->work : z;
-  if (self->work) ms_vector_clear_all(model->shape, all);
   if (all != r) memcpy(all, r, (size_t)(view->block * view->stride) * sizeof *all);
   self->pcg->ops->precondition(self->pcg, all, all);
   if (all != z) memcpy(z, all, (size_t)(view->block * view->stride) * sizeof *z);
