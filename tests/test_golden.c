@@ -13,7 +13,7 @@
 #include "base/isa.h"
 #include "state_hash.h"
 
-enum { STEPS = 15, MOST_LINES = 512 };
+enum { STEPS = 15, MOST_LINES = 1024 };
 
 static msim_scene *cloth(void) { return hanging_cloth(20, 100, 0); }
 

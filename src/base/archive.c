@@ -27,7 +27,7 @@ void ms_archive_transfer_count(ms_archive *b, int64_t *count) {
 
 void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, void *x) {
   const size_t size = ms_vector_number_size(shape);
-  for (int32_t c = 0; c < shape.dims; c++) {
+  for (int32_t c = 0; c < ms_vector_count_components(shape); c++) {
     void *component = x ? (char *)x + (size_t)c * (size_t)shape.stride * size : NULL;
     if (b->rows) b->rows->transfer(b, component);
     else ms_archive_transfer(b, component, (size_t)shape.n * size);

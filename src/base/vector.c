@@ -12,9 +12,29 @@ MS_TABLES(ms_vector_kernels);
 #define EACH_COMPONENT(s)                                                      \
   for (size_t at = 0, end_ = (size_t)(s).dims * (size_t)(s).stride; at < end_; \
        at += (size_t)(s).stride)
+/* the same over all components that a vector has, errors of sums included */
+#define EACH_PART(s)                                                                     \
+  for (size_t at = 0, end_ = (size_t)ms_vector_count_components(s) * (size_t)(s).stride; \
+       at < end_; at += (size_t)(s).stride)
 #define EACH_ROW(s) for (int32_t r = 0; r < (s).n; r++)
 
 enum { LANES = 8, CHUNK = 1024 };
+
+size_t ms_vector_number_size(ms_shape s) { return s.single ? sizeof(float) : sizeof(double); }
+
+int32_t ms_vector_count_components(ms_shape s) { return s.single ? 2 * s.dims : s.dims; }
+
+/* *sum = *x + more */
+static inline void add_double(ms_shape s, const double *x, double more, double *sum) {
+  (void)s;
+  *sum = *x + more;
+}
+
+static inline void add_float(ms_shape s, const float *x, float more, float *sum) {
+  const size_t error = (size_t)s.dims * (size_t)s.stride;
+  const float before = *x, change = more + x[error], after = before + change;
+  *sum = after, sum[error] = change - (after - before);
+}
 
 #define REAL       double
 #define LOOP(name) name##_double
@@ -30,19 +50,17 @@ enum { LANES = 8, CHUNK = 1024 };
 #define CALL(s, loop, ...) \
   ((s).single ? loop##_float(s, __VA_ARGS__) : loop##_double(s, __VA_ARGS__))
 
-size_t ms_vector_number_size(ms_shape s) { return s.single ? sizeof(float) : sizeof(double); }
-
 void ms_vector_copy(ms_shape s, const void *x, void *y) {
   const size_t size = ms_vector_number_size(s);
-  EACH_COMPONENT(s) memcpy((char *)y + at * size, (const char *)x + at * size, (size_t)s.n * size);
+  EACH_PART(s) memcpy((char *)y + at * size, (const char *)x + at * size, (size_t)s.n * size);
 }
 
 void ms_vector_copy_all(ms_shape s, const void *x, void *y) {
-  memcpy(y, x, (size_t)s.dims * (size_t)s.stride * ms_vector_number_size(s));
+  memcpy(y, x, (size_t)s.dims * (size_t)s.stride * sizeof(double));
 }
 
 void ms_vector_clear_all(ms_shape s, void *x) {
-  memset(x, 0, (size_t)s.dims * (size_t)s.stride * ms_vector_number_size(s));
+  memset(x, 0, (size_t)s.dims * (size_t)s.stride * sizeof(double));
 }
 
 void ms_vector_scale(ms_shape s, double a, void *x) { CALL(s, scale, a, x); }
@@ -86,7 +104,7 @@ int ms_vector_is_zero(ms_shape s, const void *x) { return CALL(s, is_zero, x); }
 
 int ms_vector_is_equal(ms_shape s, const void *x, const void *y) {
   const size_t size = ms_vector_number_size(s);
-  EACH_COMPONENT(s) {
+  EACH_PART(s) {
     const size_t from = at * size;
     if (memcmp((const char *)x + from, (const char *)y + from, (size_t)s.n * size) != 0) return 0;
   }

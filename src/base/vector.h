@@ -16,13 +16,18 @@ typedef struct ms_shape {
   int32_t stride;         /* numbers from one component to the next */
   int32_t dims;           /* components */
   int32_t isa;            /* instruction set of the kernels (isa.h) */
-  int32_t single;         /* 1: vectors have floats in place of doubles, in memory for doubles */
+  int32_t single;         /* 1: vectors have pairs of floats in place of doubles, see below */
   struct ms_ranks *ranks; /* products are sums over all ranks (ranks.h); NULL: over these rows */
 } ms_shape;
 
-/* The functions with void * are for both precisions; factors are rounded to that of the numbers. */
+/* The functions with void * are for both precisions. In single precision a vector has `dims`
+ * components of floats, and as many with what these lack of their sums: x + a y adds the errors of
+ * earlier sums, and keeps its own (Kahan, Commun. ACM 8 (1965) 40), so that steps do not lose what
+ * is below a float. Only x is a sum; of y, z, ... the floats count, as in dot products. Factors are
+ * rounded to floats. */
 
-size_t ms_vector_number_size(ms_shape s); /* bytes */
+size_t ms_vector_number_size(ms_shape s);       /* bytes */
+int32_t ms_vector_count_components(ms_shape s); /* all of them */
 
 void ms_vector_copy(ms_shape s, const void *x, void *y);
 
@@ -31,7 +36,7 @@ void ms_vector_copy_all(ms_shape s, const void *x, void *y);
 void ms_vector_clear_all(ms_shape s, void *x);
 
 void ms_vector_scale(ms_shape s, double a, void *x);               /* x = a x */
-void ms_vector_axpy(ms_shape s, double a, const void *x, void *y); /* y += a x */
+void ms_vector_axpy(ms_shape s, double a, const void *x, void *y); /* y += a x, without errors */
 void ms_vector_add_scaled(ms_shape s, const void *x, double a, const void *y,
                           void *z); /* z = x + a y */
 void ms_vector_add_two_scaled(ms_shape s, const void *x, double a, const void *y, double b,

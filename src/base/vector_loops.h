@@ -4,7 +4,7 @@
 static void LOOP(scale)(ms_shape s, double by, void *vec) {
   const REAL a = (REAL)by;
   REAL *x = vec;
-  EACH_COMPONENT(s) EACH_ROW(s) x[at + (size_t)r] *= a;
+  EACH_PART(s) EACH_ROW(s) x[at + (size_t)r] *= a;
 }
 
 static void LOOP(axpy)(ms_shape s, double by, const void *x, void *y) {
@@ -21,7 +21,7 @@ static void LOOP(add_scaled)(ms_shape s, const void *x, double by, const void *y
   EACH_COMPONENT(s) {
     const REAL *xc = (const REAL *)x + at, *yc = (const REAL *)y + at;
     REAL *zc = (REAL *)z + at;
-    EACH_ROW(s) zc[r] = xc[r] + a * yc[r];
+    EACH_ROW(s) LOOP(add)(s, xc + r, a * yc[r], zc + r);
   }
 }
 
@@ -31,7 +31,7 @@ static void LOOP(add_two_scaled)(ms_shape s, const void *x, double of_y, const v
   EACH_COMPONENT(s) {
     const REAL *xc = (const REAL *)x + at, *yc = (const REAL *)y + at, *zc = (const REAL *)z + at;
     REAL *wc = (REAL *)w + at;
-    EACH_ROW(s) wc[r] = xc[r] + (a * yc[r] + b * zc[r]);
+    EACH_ROW(s) LOOP(add)(s, xc + r, a * yc[r] + b * zc[r], wc + r);
   }
 }
 
@@ -43,7 +43,7 @@ static void LOOP(three_term)(ms_shape s, const void *y0, double of_y1, const voi
                *two = (const REAL *)y2 + at, *fc = (const REAL *)f + at;
     REAL *to = (REAL *)y + at;
     EACH_ROW(s)
-    to[r] = from[r] + (a * (one[r] - from[r]) + b * (two[r] - from[r]) + c * fc[r]);
+    LOOP(add)(s, from + r, a * (one[r] - from[r]) + b * (two[r] - from[r]) + c * fc[r], to + r);
   }
 }
 
@@ -85,6 +85,6 @@ static int LOOP(is_zero)(ms_shape s, const void *vec) {
 static int32_t LOOP(find_above)(ms_shape s, double limit, const void *vec) {
   const REAL *x = vec;
   for (int32_t r = 0; r < s.n; r++)
-    EACH_COMPONENT(s) if (!(fabs((double)x[at + (size_t)r]) <= limit)) return r;
+    EACH_PART(s) if (!(fabs((double)x[at + (size_t)r]) <= limit)) return r;
   return -1;
 }

@@ -5,6 +5,7 @@
 #include "contact/contact_set.h"
 #include "contact/reflection.h"
 #include "physics/rank_model.h"
+#include "physics/single.h"
 
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
   if (method->stages) s->bounds = ms_bounds_compute_island(s->model);
@@ -71,6 +72,20 @@ static int64_t count_on_all_ranks(const ms_stepper *s, int64_t reflected) {
   return s->model->rank_model && sum >= 0 ? (int64_t)sum : reflected;
 }
 
+/* Reflection computes with doubles. */
+static int64_t reflect_vectors(const ms_stepper *s, const ms_solid *solids, ms_contact_log *log,
+                               double *x, double *v, double *work) {
+  const ms_model *model = s->model;
+  const ms_single *of = model->single;
+  if (!of) return ms_reflection_apply(model, solids, s->x, log, x, v, work);
+  ms_single_widen_x(model, s->x, of->x_before);
+  ms_single_widen_x(model, x, of->x);
+  ms_single_widen_v(model, v, of->v);
+  const int64_t own = ms_reflection_apply(model, solids, of->x_before, log, of->x, of->v, work);
+  if (own) ms_single_take_changes(model, x, v);
+  return own;
+}
+
 /* The collider at a time of its motion has the velocity of the interval before. */
 static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v, double *work) {
   if (!(s->model->features & MS_HAS_PLANES)) return 0;
@@ -78,7 +93,7 @@ static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v,
   const ms_instant end = {.t = s->t + s->h, .before = 1};
   const ms_solid *solids =
       ms_collider_motion_place_all(s->model->scene, end, s->model->moving_solids);
-  const int64_t own = ms_reflection_apply(s->model, solids, s->x, log, x, v, work);
+  const int64_t own = reflect_vectors(s, solids, log, x, v, work);
   const int64_t reflected = count_on_all_ranks(s, own);
   s->stats->contacts += reflected;
   if (own) s->finite = 0;

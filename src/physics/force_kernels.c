@@ -110,6 +110,35 @@ MS_INLINE ms_lane_vectors load_rows(int dims, const void *vec, size_t row, size_
   return ms_load_vec(dims, (const ms_real *)vec + row, stride);
 }
 
+/* Sums x' = x + change + ...: where they begin, at x itself, or in single precision at the error of
+ * the last sum (vector.h); and how they end. */
+#ifdef MS_SINGLE
+MS_INLINE ms_lane_vectors load_addend(int dims, const void *x, size_t row, size_t stride) {
+  return load_rows(dims, x, (size_t)dims * stride + row, stride);
+}
+
+MS_INLINE ms_lane_vectors store_sum(int dims, const void *x, ms_lane_vectors change, void *to,
+                                    size_t row, size_t stride) {
+  const ms_lane_vectors before = load_rows(dims, x, row, stride);
+  const ms_lane_vectors after = ms_add_vec(dims, before, change);
+  const ms_lane_vectors error = ms_subtract_vec(dims, change, ms_subtract_vec(dims, after, before));
+  ms_store_vec(dims, (ms_real *)to + row, stride, after);
+  ms_store_vec(dims, (ms_real *)to + (size_t)dims * stride + row, stride, error);
+  return after;
+}
+#else
+MS_INLINE ms_lane_vectors load_addend(int dims, const void *x, size_t row, size_t stride) {
+  return load_rows(dims, x, row, stride);
+}
+
+MS_INLINE ms_lane_vectors store_sum(int dims, const void *x, ms_lane_vectors sum, void *to,
+                                    size_t row, size_t stride) {
+  (void)x;
+  ms_store_vec(dims, (ms_real *)to + row, stride, sum);
+  return sum;
+}
+#endif
+
 /* Compute the results for one register of rows. Returns |x|^2 + |v|^2 of those that
  * ms_fused_step_run checks. */
 MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vectors f,
@@ -122,19 +151,19 @@ MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vecto
   if (p->f) ms_store_vec(dims, (ms_real *)p->f + row, stride, f);
   if (p->a) ms_store_vec(dims, (ms_real *)p->a + row, stride, a);
   if (p->v_to) {
-    v = load_rows(dims, p->v_from, row, stride);
+    v = load_addend(dims, p->v_from, row, stride);
     if (p->a_before)
       v = ms_fma_vec(dims, zero + (ms_real)p->h_before, load_rows(dims, p->a_before, row, stride),
                      v);
     v = ms_fma_vec(dims, zero + (ms_real)p->h, a, v);
-    ms_store_vec(dims, (ms_real *)p->v_to + row, stride, v);
+    v = store_sum(dims, p->v_from, v, p->v_to, row, stride);
     size += ms_dot_vec(dims, v, v);
   }
   if (p->x_to) {
     const ms_lane_vectors along = p->along ? load_rows(dims, p->along, row, stride) : v;
-    const ms_lane_vectors x =
-        ms_fma_vec(dims, zero + (ms_real)p->drift, along, load_rows(dims, p->x_from, row, stride));
-    ms_store_vec(dims, (ms_real *)p->x_to + row, stride, x);
+    const ms_lane_vectors change = ms_fma_vec(dims, zero + (ms_real)p->drift, along,
+                                              load_addend(dims, p->x_from, row, stride));
+    const ms_lane_vectors x = store_sum(dims, p->x_from, change, p->x_to, row, stride);
     size += ms_dot_vec(dims, x, x);
   } else if (p->v_to) {
     const ms_lane_vectors x = load_rows(dims, p->x, row, stride);

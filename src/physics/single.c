@@ -57,7 +57,9 @@ msim_status ms_single_create(ms_model *model, msim_error *err) {
   if (!MS_NEW(alloc, s->k, lanes) || !MS_NEW(alloc, s->rest, lanes) ||
       !MS_NEW(alloc, s->damping, lanes) || !MS_NEW(alloc, s->mass, rows) ||
       !MS_NEW(alloc, s->inv_mass, rows) ||
-      !MS_NEW_VECTORS(model->scene, &model->unknowns, &s->x, &s->v))
+      !MS_NEW_VECTORS(model->scene, &model->unknowns, &s->x, &s->v) ||
+      (model->features & MS_HAS_PLANES &&
+       !MS_NEW_VECTORS(model->scene, &model->unknowns, &s->x_before)))
     return ms_error_set_memory(err, "the springs as floats");
   s->stiffness = s->k;
   narrow(rows, model->mass, s->mass);
@@ -69,7 +71,8 @@ msim_status ms_single_create(ms_model *model, msim_error *err) {
 
 void ms_single_destroy(const ms_scene *scene, ms_single *s) {
   if (!s) return;
-  MS_FREE(&scene->alloc, s->k, s->rest, s->damping, s->mass, s->inv_mass, s->x, s->v, s);
+  MS_FREE(&scene->alloc, s->k, s->rest, s->damping, s->mass, s->inv_mass, s->x, s->v, s->x_before,
+          s);
 }
 
 /*------------------------------------- states ---------------------------------------------------*/
@@ -95,7 +98,21 @@ void ms_single_archive(ms_archive *b, ms_single *s) {
   }
 }
 
-/* The vector minus `origin` in all rows of particles, rounded to floats */
+/* The index of the error of the float at 0 (vector.h) */
+static size_t error_offset(const ms_unknowns *rows) {
+  return (size_t)rows->dims * (size_t)rows->stride;
+}
+
+static double value(const ms_unknowns *rows, const float *vec, double origin) {
+  return origin + ((double)vec[0] + (double)vec[error_offset(rows)]);
+}
+
+static void set_value(const ms_unknowns *rows, double to, double origin, float *vec) {
+  vec[0] = (float)(to - origin);
+  vec[error_offset(rows)] = (float)((to - origin) - (double)vec[0]);
+}
+
+/* The vector minus `origin` in all rows of particles, rounded to pairs of floats */
 static void gather(const ms_model *model, const double *array, const double origin[3], double *room,
                    float *to) {
   const ms_unknowns *rows = &model->unknowns;
@@ -103,19 +120,30 @@ static void gather(const ms_model *model, const double *array, const double orig
   for (int32_t c = 0; c < rows->dims; c++)
     for (int32_t r = 0; r < rows->stride; r++) {
       const size_t at = (size_t)c * (size_t)rows->stride + (size_t)r;
-      to[at] = rows->particle[r] < 0 ? 0 : (float)(room[at] - origin[rows->axis[c]]);
+      const double o = origin[rows->axis[c]];
+      set_value(rows, rows->particle[r] < 0 ? o : room[at], o, to + at);
     }
 }
 
-static const double *widen(const ms_model *model, const float *vec, const double origin[3],
-                           double *to) {
+static void widen(const ms_model *model, const float *vec, const double origin[3], double *to) {
   const ms_unknowns *rows = &model->unknowns;
   for (int32_t c = 0; c < rows->dims; c++)
     for (int32_t r = 0; r < rows->stride; r++) {
       const size_t at = (size_t)c * (size_t)rows->stride + (size_t)r;
-      to[at] = origin[rows->axis[c]] + (double)vec[at];
+      to[at] = value(rows, vec + at, origin[rows->axis[c]]);
     }
-  return to;
+}
+
+/* A number that is what widen() made of floats leaves these as they are. */
+static void take_changes(const ms_model *model, const double *from, const double origin[3],
+                         float *vec) {
+  const ms_unknowns *rows = &model->unknowns;
+  for (int32_t c = 0; c < rows->dims; c++)
+    for (int32_t r = 0; r < rows->nfree; r++) {
+      const size_t at = (size_t)c * (size_t)rows->stride + (size_t)r;
+      const double o = origin[rows->axis[c]];
+      if (from[at] != value(rows, vec + at, o)) set_value(rows, from[at], o, vec + at);
+    }
 }
 
 static const double zero[3];
@@ -132,12 +160,28 @@ void ms_single_gather_v(const ms_model *model, const double *array, void *vec) {
   else ms_unknowns_gather(&model->unknowns, array, vec);
 }
 
+void ms_single_widen_x(const ms_model *model, const void *vec, double *to) {
+  widen(model, vec, model->single->origin, to);
+}
+
+void ms_single_widen_v(const ms_model *model, const void *vec, double *to) {
+  widen(model, vec, zero, to);
+}
+
 const double *ms_single_get_x(const ms_model *model, const void *vec) {
-  const ms_single *s = model->single;
-  return s ? widen(model, vec, s->origin, s->x) : vec;
+  if (!model->single) return vec;
+  ms_single_widen_x(model, vec, model->single->x);
+  return model->single->x;
 }
 
 const double *ms_single_get_v(const ms_model *model, const void *vec) {
+  if (!model->single) return vec;
+  ms_single_widen_v(model, vec, model->single->v);
+  return model->single->v;
+}
+
+void ms_single_take_changes(const ms_model *model, void *x, void *v) {
   const ms_single *s = model->single;
-  return s ? widen(model, vec, zero, s->v) : vec;
+  take_changes(model, s->x, s->origin, x);
+  take_changes(model, s->v, zero, v);
 }

@@ -16,8 +16,10 @@ static refusal find_refused_option(const msim_sim *sim) {
   return (refusal){NULL, NULL};
 }
 
-static refusal find_refused_feature(const ms_scene *s) {
-  if (ms_scene_has_obstacles(s)) return (refusal){"planes and colliders", "remove them"};
+static refusal find_refused_feature(const msim_sim *sim) {
+  const ms_scene *s = sim->scene;
+  if (ms_scene_has_obstacles(s) && sim->config.opt.collision == MSIM_COLLISION_EVENT)
+    return (refusal){"collision = event at planes and colliders", "use collision = reflect"};
   if (s->nmotions) return (refusal){"motions of pinned particles", "remove the motions"};
   if (s->angles.n) return (refusal){"angular springs", "remove the angles"};
   if (s->law) return (refusal){"springs with a law", "remove the laws"};
@@ -34,7 +36,7 @@ static int is_supported_method(const ms_integrator *method) {
 msim_status ms_precision_check(const msim_sim *sim, msim_error *err) {
   if (sim->config.opt.precision != MSIM_PRECISION_SINGLE) return MSIM_OK;
   refusal r = find_refused_option(sim);
-  if (!r.what) r = find_refused_feature(sim->scene);
+  if (!r.what) r = find_refused_feature(sim);
   if (r.what)
     return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
                         "precision = single does not support %s; %s, or use precision = double",
