@@ -14,8 +14,8 @@
 /* Time limits for one scene, s; in a full run, with --quick. */
 static const struct scene_plan {
   double reference, turns, whole;
-} plans[] = {{.reference = 20, .turns = 20, .whole = 98},
-             {.reference = 1.2, .turns = 1, .whole = 6}};
+} plans[] = {{.reference = 16, .turns = 16, .whole = 80},
+             {.reference = 1.2, .turns = 0.7, .whole = 5}};
 
 /*------------------------------------- keys of one scene ----------------------------------------*/
 

@@ -83,9 +83,16 @@ static void report_auto_over_best(const cells *list, report *out) {
   report_key(out, "auto_over_best_worst", count ? quantile(count, ratios, 1) : NAN);
 }
 
-/* The largest ratio at one error, over scenes with or without damping; of_auto: of `auto`, else of
- * the best method. */
-static void report_over_sundials(const cells *list, int level, int damped, int of_auto,
+/* Keys of the largest ratio at each error: of `auto`, else of the best method; over which scenes */
+static const struct over_sundials_key {
+  const char *name; /* without the error */
+  int of_auto, undamped, damped;
+} keys[] = {{"best_over_sundials_", 0, 1, 1},
+            {"damped_over_sundials_", 0, 0, 1},
+            {"auto_over_sundials_", 1, 1, 0},
+            {"auto_over_sundials_damped_", 1, 0, 1}};
+
+static void report_over_sundials(const cells *list, int level, const struct over_sundials_key *of,
                                  report *out) {
   static const char *const names[ERROR_LEVELS] = {NULL, "1e4", "1e6", "1e8", NULL};
   const cell *worst = NULL;
@@ -94,16 +101,16 @@ static void report_over_sundials(const cells *list, int level, int damped, int o
   char key[64];
   if (!names[level]) return;
   for (const cell *here = list->all; here < list->all + list->count; here++) {
-    if (here->level != level || !here->compared || here->scene->damped != damped) continue;
-    const double ratio = over_sundials(here, of_auto ? here->chosen : here->best);
+    const int counts = here->scene->damped ? of->damped : of->undamped;
+    if (here->level != level || !here->compared || !counts) continue;
+    const double ratio = over_sundials(here, of->of_auto ? here->chosen : here->best);
     scenes++;
     missing += isnan(here->sundials) != 0;
     if (isnan(ratio) || most >= ratio) continue;
     worst = here;
     most = ratio;
   }
-  snprintf(key, sizeof key, "%s_over_sundials_%s%s", of_auto ? "auto" : "best",
-           damped ? "damped_" : "", names[level]);
+  snprintf(key, sizeof key, "%s%s", of->name, names[level]);
   report_add_row(
       out, "worst",
       FIELDS(TEXT("name", key), INTEGER("scenes", scenes), INTEGER("without_sundials", missing),
@@ -116,7 +123,6 @@ static void report_over_sundials(const cells *list, int level, int damped, int o
 void report_cell_keys(const cells *list, int with_sundials, report *out) {
   putchar('\n');
   report_auto_over_best(list, out);
-  for (int damped = 0; damped < 2 && with_sundials; damped++)
-    for (int of_auto = 0; of_auto < 2; of_auto++)
-      for (int l = 0; l < ERROR_LEVELS; l++) report_over_sundials(list, l, damped, of_auto, out);
+  for (size_t k = 0; k < sizeof keys / sizeof *keys && with_sundials; k++)
+    for (int l = 0; l < ERROR_LEVELS; l++) report_over_sundials(list, l, &keys[k], out);
 }
