@@ -224,6 +224,42 @@ static void falling_bodies_have_no_equilibrium(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* F = -k (x - a) on each particle: a body that nothing else supports hangs m g/k below a. */
+static int32_t attract(void *data, const msim_force_batch *b) {
+  (void)data;
+  for (size_t i = 0; i < 3 * (size_t)b->n; i++) {
+    b->f[i] = -50 * (b->x[i] - 2);
+    for (size_t c = 0; c < 3 && b->dfdx; c++) b->dfdx[3 * i + c] = i % 3 == c ? -50 : 0;
+  }
+  return 0;
+}
+
+static void forces_of_the_program_support_bodies(void **state) {
+  (void)state;
+  msim_error why;
+  const double x[3] = {0, 0, 0}, v[3] = {0, 0, 0};
+  msim_force_function force = {.size = sizeof force,
+                               .flags = MSIM_FORCE_JACOBIAN,
+                               .name = "attract",
+                               .evaluate = attract,
+                               .largest_stiffness = 50};
+  msim_scene *scene = make_single_particle(x, v, 10);
+  assert_ok(msim_scene_set_force_function(scene, &force, err));
+  const msim_options opt = options("velocity-verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  settle(sim, 1e-9);
+  assert_close(state_of(sim).x[0], 2, 1e-10);
+  assert_close(state_of(sim).x[2], 2 - 10. / 50, 1e-10);
+  msim_sim_destroy(sim);
+  force.flags |= MSIM_FORCE_TIME;
+  assert_ok(msim_scene_set_force_function(scene, &force, err));
+  sim = make_sim(scene, &opt);
+  assert_int_equal(msim_sim_equilibrium(sim, 1e-9, 100, NULL, &why), MSIM_ERR_UNSUPPORTED);
+  assert_non_null(strstr(why.text, "forces that depend on time"));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- contact --------------------------------------------------*/
 
 /* A falling pair of particles, one above the other, comes to rest on the floor: the spring between
@@ -323,6 +359,7 @@ int main(void) {
       cmocka_unit_test(a_strut_buckles),
       cmocka_unit_test(floating_bodies_relax),
       cmocka_unit_test(falling_bodies_have_no_equilibrium),
+      cmocka_unit_test(forces_of_the_program_support_bodies),
       cmocka_unit_test(bodies_rest_on_the_floor),
       cmocka_unit_test(the_run_goes_on_from_rest),
       cmocka_unit_test(wrong_calls),

@@ -60,26 +60,34 @@ static int32_t iterations_left(const search *s) { return s->most - s->result.ite
 
 /*------------------------------------- bodies without support -----------------------------------*/
 
-/* sum: the force on each of the n bodies; NAN: it is supported. Infinite masses of pinned particles
- * take part in no sum. */
+/* A body that an edge connects with a pinned particle is supported: its sum becomes NAN. */
+static void mark_support(int32_t i, int32_t j, double *sum) {
+  if (i < 0 && j >= 0) sum[3 * (size_t)j] = NAN;
+  if (j < 0 && i >= 0) sum[3 * (size_t)i] = NAN;
+}
+
+/* sum: the force on each body; NAN: it is supported. of: the body of a particle, < 0 if pinned */
 static void sum_forces(const search *s, const int32_t *of, double *sum) {
   const ms_scene *scene = s->sim->scene;
   for (int32_t p = 0; p < scene->nparticles; p++)
     if (of[p] >= 0) ms_vec3_axpy(1, s->force + 3 * (size_t)p, sum + 3 * (size_t)of[p]);
-  for (size_t e = 0; e < (size_t)scene->nsprings; e++) {
-    const int32_t i = of[scene->ij[2 * e]], j = of[scene->ij[2 * e + 1]];
-    if (i < 0 && j >= 0) sum[3 * (size_t)j] = NAN;
-    if (j < 0 && i >= 0) sum[3 * (size_t)i] = NAN;
+  for (size_t e = 0; e < (size_t)scene->nsprings; e++)
+    mark_support(of[scene->ij[2 * e]], of[scene->ij[2 * e + 1]], sum);
+  for (size_t e = 0; e < (size_t)scene->angles.n; e++) {
+    const int32_t *ijk = scene->angles.ijk + 3 * e;
+    mark_support(of[ijk[0]], of[ijk[1]], sum);
+    mark_support(of[ijk[1]], of[ijk[2]], sum);
   }
 }
 
-/* MSIM_NOT_CONVERGED: no pinned particle and no obstacle supports a body on which a force acts. */
+/* MSIM_NOT_CONVERGED: no pinned particle and no obstacle supports a body on which a force acts; a
+ * force function may balance it elsewhere. */
 static msim_status check_support(const search *s, msim_error *err) {
   const ms_scene *scene = s->sim->scene;
   double *sum = NULL;
   int32_t *of, p = 0;
   msim_status status = MSIM_OK;
-  if (ms_scene_has_obstacles(scene)) return MSIM_OK;
+  if (ms_scene_has_obstacles(scene) || ms_scene_has_function(scene)) return MSIM_OK;
   const int fits = MS_NEW(&scene->alloc, of, scene->nparticles) != NULL;
   const int32_t n = fits ? ms_components_number_particles(scene, of) : 0;
   if (!fits || !MS_NEW(&scene->alloc, sum, 3 * (size_t)n)) {
