@@ -241,7 +241,12 @@ static msim_scene *make_rope(const msim_allocator *alloc) {
 /* Ranks have no state of the whole scene before they are asked for it. A frame takes of each x, v,
  * what is sent and received, with the numbers of these: 48 + 2 x 12 bytes a row, and 8 bytes a
  * spring; while these are looked for 24 bytes more, and 5 a particle of the scene. Rank 0 also has
- * the text of the scene file, which it writes. */
+ * the text of the scene file, which it writes.
+ *
+ * Creation lays out the whole scene. A particle takes 4 bytes for its owner, 8 to gather a number,
+ * with 8 of each own one, 21 in the orders of the scene and of the island, with the first spring of
+ * each row, and 4 for the place of its next half-edge; a spring takes 4 in the island, 12 in its
+ * list, 8 sorted by rows and 16 as two half-edges. */
 static const char *measure_rank(msim_comm *comm, void *data) {
   static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the arrays of make_rope */
   peak_allocator m = {0};
@@ -257,8 +262,10 @@ static const char *measure_rank(msim_comm *comm, void *data) {
   pthread_mutex_lock(&lock);
   msim_scene *scene = make_rope(&alloc);
   pthread_mutex_unlock(&lock);
+  const size_t loaded = m.peak = m.live;
   EXPECT(scene && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
   const size_t created = m.live;
+  if (comm->nranks == 8) EXPECT(m.peak - loaded <= (77 * (size_t)ROPE + rows * 8) + 2 * rest);
   m.peak = m.live;
   EXPECT(msim_recorder_open(sim, "rope.memory", &recorder, &why) == MSIM_OK);
   const size_t opened = m.live;

@@ -6,12 +6,12 @@
 
 /* Rows in ascending order are appended to those of their neighbours, so that each row lists its
  * neighbours in ascending order. next: the next position of each row */
-static void list_neighbours(const ms_incidence *from, int32_t nrows, int32_t *next,
-                            ms_half_edge *half_edges) {
+static void list_neighbours(const ms_buckets *by_row, const ms_springs *springs, int32_t nrows,
+                            int32_t *next, ms_half_edge *half_edges) {
   for (int32_t r = 0; r < nrows; r++)
-    for (int32_t k = from->of.first[r]; k < from->of.first[r + 1]; k++) {
-      const int32_t h = from->of.item[k];
-      half_edges[next[from->row[h ^ 1]]++] = (ms_half_edge){r, h / 2};
+    for (int32_t k = by_row->first[r]; k < by_row->first[r + 1]; k++) {
+      const int32_t h = by_row->item[k], e = h / 2, other = h % 2 ? springs->i[e] : springs->j[e];
+      half_edges[next[other]++] = (ms_half_edge){r, e};
     }
 }
 
@@ -26,11 +26,13 @@ msim_status ms_adjacency_create(const ms_scene *scene, const ms_unknowns *rows,
                         springs->n, INT32_MAX / 2);
   ms_incidence by_spring;
   int32_t *next = NULL;
-  const int fits = ms_incidence_create(alloc, springs, rows->stride, &by_spring) &&
-                   MS_NEW(alloc, next, nrows) && MS_NEW(alloc, a->half_edges, nhalves);
+  int fits = ms_incidence_create(alloc, springs, rows->stride, &by_spring);
+  ms_memory_free(alloc, by_spring.row); /* before the half-edges take as much memory */
+  by_spring.row = NULL;
+  fits = fits && MS_NEW(alloc, next, nrows) && MS_NEW(alloc, a->half_edges, nhalves);
   if (fits) {
     memcpy(next, by_spring.of.first, nrows * sizeof *next);
-    list_neighbours(&by_spring, rows->stride, next, a->half_edges);
+    list_neighbours(&by_spring.of, springs, rows->stride, next, a->half_edges);
     a->first = by_spring.of.first;
     by_spring.of.first = NULL;
   }

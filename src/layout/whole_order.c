@@ -26,9 +26,13 @@ static msim_status record_split_rows(const ms_scene *scene, const ms_unknowns *r
   return MSIM_OK;
 }
 
-static void record_order(const ms_unknowns *rows, const ms_springs *springs, const ms_adjacency *a,
-                         ms_whole_order *order) {
+/* The positions are allocated after the first adjacency, which takes most memory. */
+static msim_status record_order(const ms_scene *scene, const ms_unknowns *rows,
+                                const ms_springs *springs, const ms_adjacency *a,
+                                ms_whole_order *order, msim_error *err) {
   ms_whole_islands *all = &order->islands;
+  if (!order->position && !MS_NEW(&scene->alloc, order->position, 2 * (size_t)scene->nsprings))
+    return ms_error_set_memory(err, "the order of the half-edges");
   int32_t *particle = all->particle + all->first[all->n];
   for (int32_t r = 0; r < rows->nfree; r++) {
     particle[r] = rows->particle[r];
@@ -38,6 +42,7 @@ static void record_order(const ms_unknowns *rows, const ms_springs *springs, con
   all->hash[all->n] = ms_unknowns_hash(rows);
   all->first[all->n + 1] = all->first[all->n] + rows->nfree;
   all->n++;
+  return MSIM_OK;
 }
 
 static msim_status record_angles(const ms_scene *scene, const ms_island *island,
@@ -63,7 +68,7 @@ static msim_status add_island(const ms_scene *scene, const ms_island *island, ms
   if (!status) status = ms_adjacency_create(scene, &rows, &springs, &a, err);
   if (!status) status = ms_order_unknowns(scene, &rows, &springs, &a, err);
   if (!status) status = record_split_rows(scene, &rows, &a, order, err);
-  if (!status) record_order(&rows, &springs, &a, order);
+  if (!status) status = record_order(scene, &rows, &springs, &a, order, err);
   if (!status) status = record_angles(scene, island, &rows, order, err);
   ms_adjacency_destroy(scene, &a);
   ms_springs_destroy(scene, &springs);
@@ -81,7 +86,6 @@ msim_status ms_whole_order_create(const ms_scene *scene, int whole, ms_whole_ord
   if (status) return status;
   if (!MS_NEW(alloc, all->particle, scene->nparticles) ||
       !MS_NEW(alloc, all->first, (size_t)islands.n + 1) || !MS_NEW(alloc, all->hash, islands.n) ||
-      !MS_NEW(alloc, order->position, 2 * (size_t)scene->nsprings) ||
       !MS_NEW(alloc, order->is_split, scene->nparticles) ||
       !MS_NEW(alloc, order->angle_position, scene->angles.n))
     status = ms_error_set_memory(err, "the order of the half-edges");
