@@ -3,6 +3,7 @@
 #include <stdint.h>
 
 #include "base/archive.h"
+#include "colliders.h"
 #include "rank_runs.h"
 
 /* A run of N ranks to `half`, whose checkpoint others continue */
@@ -356,6 +357,32 @@ static void implicit_steps(void **state) {
   msim_scene_destroy(blocks);
 }
 
+/* A stiff rope lands on a capsule after the checkpoint; checkpoints of one process list the
+ * constraints of a coarse factor, as of a block with a particle on a sphere, which ranks skip. */
+static void stiff_contact(void **state) {
+  (void)state;
+  const double at[3] = {0}, along[3] = {0, 0.6, 0}, RTOL = 1e-8;
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = 30,
+                          .from = {-0.8, 0.1, 0.222},
+                          .to = {0.6, 0, 0.222},
+                          .mass = 0.2,
+                          .k = 3000};
+  msim_scene *scene = new_scene();
+  msim_options opt = options("linearly-implicit-euler", 1. / 60);
+  opt.solver = "pcg", opt.solver_rtol = RTOL;
+  assert_ok(msim_scene_add_rope(scene, &rope, err));
+  add(scene, round_bar(MSIM_COLLIDER_CAPSULE, at, along, 0.2, 0.3, 0.3), 0);
+  check_continuations(scene, opt, 10 * RTOL);
+  msim_scene_destroy(scene);
+  scene = pinned_block(11, 1, 5e3, 0);
+  add(scene, sphere(1, 1, -0.2, 0.2, 0, 0), 0);
+  assert_true(lags_factors(scene, 5e-3));
+  opt.h = 5e-3;
+  check_continuations(scene, opt, 10 * RTOL);
+  msim_scene_destroy(scene);
+}
+
 /*------------------------------------- refusals -------------------------------------------------*/
 
 typedef struct refused_bytes {
@@ -452,6 +479,7 @@ int main(void) {
       cmocka_unit_test(planar_scenes_and_moving_pins),
       cmocka_unit_test(last_good_state),
       cmocka_unit_test(implicit_steps),
+      cmocka_unit_test(stiff_contact),
       cmocka_unit_test(nonlinear_and_controlled_steps),
       cmocka_unit_test(what_ranks_refuse),
   };

@@ -301,7 +301,7 @@ typedef struct memory_case {
   atomic_int succeeded;
 } memory_case;
 
-static msim_scene *small_scene(const msim_allocator *alloc, int has_plane) {
+static msim_scene *small_scene(const msim_allocator *alloc, int has_obstacles) {
   const double x[24] = {0, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0, 4, 0, 0, 5, 0, 1, 6, 0, 0, 7, 0, 0},
                mass[8] = {1, 1, 1, 1, 1, 1, 1, 1}, k[8] = {9, 9, 9, 9, 9, 9, 9, 9}, t[1] = {0};
   const int32_t ij[16] = {0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 1, 3}, angle[3] = {3, 4, 5},
@@ -310,6 +310,8 @@ static msim_scene *small_scene(const msim_allocator *alloc, int has_plane) {
   const msim_motion motion = {
       .size = sizeof motion, .n = 1, .particles = &pin, .nt = 1, .t = t, .x = x};
   const msim_plane ground = {{0, 0, 1}, -1, 0.5, 0};
+  const msim_collider ball = {
+      .size = sizeof ball, .type = MSIM_COLLIDER_SPHERE, .center = {3, 0, -1}, .radius = 0.5};
   msim_scene *scene;
   int32_t index;
   if (msim_scene_create(alloc, &scene, NULL) ||
@@ -319,7 +321,8 @@ static msim_scene *small_scene(const msim_allocator *alloc, int has_plane) {
       msim_scene_add_law(scene, &law, &index, NULL) ||
       msim_scene_set_law(scene, 1, &spring, index, NULL) || msim_scene_pin(scene, 1, &pin, NULL) ||
       msim_scene_add_motion(scene, &motion, NULL) ||
-      (has_plane && msim_scene_add_plane(scene, &ground, NULL)))
+      (has_obstacles &&
+       (msim_scene_add_plane(scene, &ground, NULL) || msim_scene_add_collider(scene, &ball, NULL))))
     return NULL;
   return scene;
 }

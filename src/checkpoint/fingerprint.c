@@ -115,19 +115,9 @@ static void list_angles(const ms_scene *s, ms_fingerprint_visitor *mark, void *d
 
 static void list_colliders(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
   for (int32_t i = 0; i < s->ncolliders; i++) {
-    const msim_collider *c = &s->colliders[i];
-    const int32_t shape[] = {c->type, c->inside};
-    uint64_t hash = ms_archive_hash(0, shape, sizeof shape);
     char name[32];
-    for (int k = 0; k < MS_COLLIDER_MEMBERS; k++)
-      hash = ms_archive_hash(hash, ms_colliders_get_member(c, &ms_collider_members[k]),
-                             (size_t)ms_collider_members[k].key.count * sizeof(double));
-    if (c->values) {
-      hash = ms_archive_hash(hash, c->n, sizeof c->n);
-      hash = ms_archive_hash(hash, c->values, ms_colliders_count_values(c) * sizeof *c->values);
-    }
     snprintf(name, sizeof name, "colliders[%d]", i);
-    list_hash(mark, data, name, hash);
+    list_hash(mark, data, name, ms_colliders_hash(&s->colliders[i], 0));
   }
 }
 

@@ -8,12 +8,13 @@
 void ms_contact_joining_add_planes(const ms_stepper *s, int32_t row, ms_plane_set *on);
 
 /* Adds particles that end behind planes or meet solids to the contact set, sorted by row; keeps:
- * they keep their distances. Returns the number of contacts that are new or have new planes. */
+ * they keep their distances. Returns the number of contacts of this rank that are new or have new
+ * planes. Collective */
 int32_t ms_contact_joining_add_penetrating(ms_stepper *s, int keeps);
 
 /* Predicts which particles near solids will be in contact; the solves remove those that springs
  * hold back. Particles that slide along a solid end above it, on the plane that touches it where
- * they started, and so are found here. Returns the number of impacts. */
+ * they started, and so are found here. Returns the number of impacts, of all ranks. Collective */
 int64_t ms_contact_joining_add_predicted(ms_stepper *s);
 
 #endif

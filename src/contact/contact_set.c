@@ -5,21 +5,22 @@
 
 #include "base/vec3.h"
 #include "contact/contact_impulses.h"
-#include "contact/friction.h"
 #include "contact/moving_obstacles.h"
 #include "contact/path_bounces.h"
-#include "physics/signed_distance.h"
+#include "physics/rank_model.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
 /* The reach (impacts.h) of the scene, not of the state at creation: so which particles touch planes
- * depends on the present state alone. */
+ * depends on the present state alone. Ranks are to agree on it. */
 static double find_reach(const ms_model *model) {
   const ms_scene *scene = model->scene;
+  const int32_t *particle = model->rank_model ? NULL : model->unknowns.particle;
+  const int32_t n = particle ? model->unknowns.stride : scene->nparticles;
   double reach = 0;
-  for (int32_t r = 0; r < model->unknowns.stride; r++)
-    if (model->unknowns.particle[r] >= 0)
-      reach = fmax(reach, ms_vec3_norm(scene->x + 3 * (size_t)model->unknowns.particle[r]));
+  for (int32_t r = 0; r < n; r++)
+    if (!particle || particle[r] >= 0)
+      reach = fmax(reach, ms_vec3_norm(scene->x + 3 * (size_t)(particle ? particle[r] : r)));
   for (int32_t p = 0; p < scene->nplanes; p++) reach = fmax(reach, fabs(scene->planes[p].offset));
   for (int32_t i = 0; i < scene->ncolliders; i++) reach = fmax(reach, scene->solids[i].reach);
   return reach;
@@ -85,7 +86,7 @@ void ms_contact_set_destroy(const ms_model *model, ms_contact_set *e) {
 
 void ms_contact_set_forget(ms_contact_set *e) {
   if (!e) return;
-  e->ncontacts = e->nfollowed = 0;
+  e->ncontacts = e->nfollowed = e->others_have_contacts = 0;
   e->moved = e->a_is_known = 0;
   e->contact_hash = e->contact_hash_next = 0;
 }
@@ -298,25 +299,48 @@ void ms_contact_set_free_acceleration(ms_stepper *s, double c, const double *x, 
   ms_stepper_evaluate_model(s, s->model, &(ms_fused_step){.x = x, .v = v, .a = a});
 }
 
+int ms_contact_set_require_acceleration(ms_stepper *s, int is_needed) {
+  ms_contact_set *e = s->events;
+  double any[2] = {is_needed, !e->a_is_known};
+  ms_ranks_maximum(ms_rank_model_ranks(s->model), 2, any);
+  if (!(any[0] > 0)) return 0;
+  if (any[1] > 0) ms_contact_set_free_acceleration(s, 0, s->x, s->v, e->a);
+  e->a_is_known = 1;
+  return 1;
+}
+
+void ms_contact_set_share(ms_stepper *s) {
+  const int32_t own = s->events->ncontacts;
+  s->events->others_have_contacts = ms_rank_model_count(s->model, own) > own;
+}
+
+/* Returns the number of unknowns that touch planes. */
+static int32_t bounce_touching(ms_stepper *s, const ms_collision_planes *planes) {
+  const ms_unknowns *rows = &s->model->unknowns;
+  ms_contact_set *e = s->events;
+  const int64_t before = s->stats->contacts;
+  int32_t touching = 0;
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    double x[3];
+    ms_unknowns_get(rows, s->x, r, x);
+    ms_obstacles_touch(planes, x);
+    const ms_plane_set on = ms_impacts_find_touched(planes, x);
+    if (!on.n) continue;
+    e->contact[touching] = (ms_contact){.row = r, .on = on};
+    bounce_off_planes(s, planes, &e->contact[touching++]);
+  }
+  s->stats->contacts = before + ms_rank_model_count(s->model, s->stats->contacts - before);
+  return touching;
+}
+
 void ms_contact_set_update(ms_stepper *s) {
   const ms_unknowns *rows = &s->model->unknowns;
   const ms_collision_planes planes = ms_contact_set_planes(s);
   ms_contact_set *e = s->events;
-  int32_t touching = 0;
-  e->ncontacts = 0;
+  e->ncontacts = e->others_have_contacts = 0;
   ms_moving_obstacles_place(&planes, (ms_instant){.t = s->t});
-  for (int32_t r = 0; r < rows->nfree; r++) {
-    double x[3];
-    ms_unknowns_get(rows, s->x, r, x);
-    ms_obstacles_touch(&planes, x);
-    const ms_plane_set on = ms_impacts_find_touched(&planes, x);
-    if (!on.n) continue;
-    e->contact[touching] = (ms_contact){.row = r, .on = on};
-    bounce_off_planes(s, &planes, &e->contact[touching++]);
-  }
-  if (!touching) return;
-  if (!e->a_is_known) ms_contact_set_free_acceleration(s, 0, s->x, s->v, e->a);
-  e->a_is_known = 1;
+  const int32_t touching = bounce_touching(s, &planes);
+  if (!ms_contact_set_require_acceleration(s, touching > 0)) return;
   int32_t resting = 0;
   for (int32_t i = 0; i < touching; i++) {
     ms_contact c = e->contact[i];
@@ -326,6 +350,7 @@ void ms_contact_set_update(ms_stepper *s) {
     if (settle_contact(s, &c)) e->contact[resting++] = c;
   }
   e->ncontacts = resting;
+  ms_contact_set_share(s);
 }
 
 void ms_contact_set_make_constraints(ms_stepper *s, double ah) {
@@ -342,73 +367,6 @@ void ms_contact_set_make_constraints(ms_stepper *s, double ah) {
     if (c->is_prescribed && !c->sticks && c->friction > 0)
       constraint->friction = s->model->mass[c->row] * ah * c->friction / c->friction_speed;
   }
-}
-
-/*------------------------------------- contact changes ------------------------------------------*/
-
-/* 1 if v turns by more than 45 degrees in h, or if its direction is stiff: velocity across v decays
- * at the rate F/|v|, F the friction over mass. Straight motion has none. v: at both ends; a: at the
- * second */
-static int turns_sharply(const ms_contact *c, double h, double v[2][3], const double a[3]) {
-  double along[3] = {a[0], a[1], a[2]};
-  if (!c->has_friction || c->sticks || c->fixed || c->bounces) return 0;
-  ms_impacts_remove_normal(&c->on, along, NULL);
-  const double ahead = ms_vec3_dot(c->sliding_direction, along),
-               across2 = ms_vec3_dot(along, along) - ahead * ahead;
-  const int is_straight = across2 <= 1e-12 * ahead * ahead;
-  return (c->stop < h && !is_straight) ||
-         ms_vec3_dot(v[0], v[1]) < sqrt(0.5) * ms_vec3_norm(v[0]) * ms_vec3_norm(v[1]);
-}
-
-/* Friction margin (m/s^2): how much larger |a_t| may become before a sticking particle slips */
-static double friction_margin(const ms_contact *c, const double a[3]) {
-  double along[3] = {a[0], a[1], a[2]};
-  const double pull = ms_impacts_remove_normal(&c->on, along, NULL);
-  return pull - ms_vec3_norm(along);
-}
-
-/* The share of the substep after which g, linear in time, falls below 0 */
-static double crossing(double g0, double g1) { return g0 > 0 ? g0 / (g0 - g1) : 0; }
-
-/* The largest centrifugal acceleration from the solids of a contact, v.(dn/dx) v */
-static double find_centrifugal(const ms_stepper *s, const ms_contact *c, const double v[3]) {
-  double most = -INFINITY, x[3];
-  if (!c->has_solid) return 0;
-  ms_unknowns_get(&s->model->unknowns, s->x, c->row, x);
-  for (int i = 0; i < c->on.n; i++) {
-    const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[i]);
-    const ms_solid *of = s->events->near.solid + solid;
-    most = fmax(most, solid >= 0 ? ms_signed_distance_bend(of, x, v) : 0);
-  }
-  return most;
-}
-
-/* ms_contact.change, but for turns. v: at the start; a0, a1: free accelerations at both ends.
- * Sliding stops as with constant a0. */
-static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
-                          const double a1[3], double centrifugal) {
-  if (c->bounces) return MS_NOWHERE;
-  const double tolerance = MS_REACTION_TOLERANCE * ms_vec3_norm(a1),
-               push = ms_contact_set_reaction(c, a1) - centrifugal;
-  if (push < -tolerance) return crossing(ms_contact_set_reaction(c, a0) - centrifugal, push);
-  if (c->fixed || (c->sticks && friction_margin(c, a1) >= -tolerance)) return MS_NOWHERE;
-  if (c->sticks) return crossing(friction_margin(c, a0), friction_margin(c, a1));
-  if (!c->has_friction) return MS_NOWHERE;
-  const double friction = ms_impacts_remove_normal(&c->on, a0, NULL);
-  const double stop = ms_friction_stop(a0, friction, v) / h;
-  return stop <= 1 ? stop : MS_NOWHERE;
-}
-
-/* Sets `change` by the substep just made, with free accelerations a and a_end. */
-static void update_change(const ms_stepper *s, ms_contact *c) {
-  const ms_unknowns *rows = &s->model->unknowns;
-  double v[2][3], a[2][3];
-  ms_unknowns_get(rows, s->v, c->row, v[0]);
-  ms_unknowns_get(rows, s->v_next, c->row, v[1]);
-  ms_unknowns_get(rows, s->events->a, c->row, a[0]);
-  ms_unknowns_get(rows, s->events->a_end, c->row, a[1]);
-  c->change = turns_sharply(c, s->h, v, a[1]) ? 0.5 : MS_NOWHERE;
-  c->change = fmin(c->change, find_change(c, s->h, v[0], a[0], a[1], find_centrifugal(s, c, v[1])));
 }
 
 /*------------------------------------- reactions ------------------------------------------------*/
@@ -489,12 +447,4 @@ void ms_contact_set_place(ms_stepper *s) {
     ms_unknowns_set(rows, x, c->row, s->x_next);
     ms_unknowns_set(rows, v, c->row, s->v_next);
   }
-}
-
-void ms_contact_set_finish_substep(ms_stepper *s) {
-  const ms_contact_set *e = s->events;
-  if (!e->ncontacts) return;
-  ms_contact_set_place(s);
-  ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, e->a_end);
-  for (int32_t i = 0; i < e->ncontacts; i++) update_change(s, &e->contact[i]);
 }

@@ -84,6 +84,7 @@ typedef struct ms_contact_set {
   ms_contact *contact;       /* ncontacts, with ascending rows */
   ms_constraint *constraint; /* the same contacts as constraints of the matrix */
   int32_t ncontacts;
+  int others_have_contacts; /* 1: other ranks have contacts, by the last ms_contact_set_share() */
   int32_t *followed; /* nfollowed unknowns that followed paths of their own in the last substep */
   int32_t nfollowed;
   /* ms_contact_set_hash() at the end of the last step; 0: unknown, or no contact */
@@ -138,8 +139,15 @@ void ms_contact_set_accept_step(ms_stepper *s);
 void ms_contact_set_make_writable(ms_stepper *s);
 
 /* Finds the contact set at s->x, s->v. First it puts particles outside on their planes, and lets
- * particles that move into planes bounce. */
+ * particles that move into planes bounce. Collective */
 void ms_contact_set_update(ms_stepper *s);
+
+/* Computes a, if the caller or another rank needs it and not all know it; returns 1 if it is
+ * needed. Collective */
+int ms_contact_set_require_acceleration(ms_stepper *s, int is_needed);
+
+/* Lets all ranks know whether others have contacts. Collective */
+void ms_contact_set_share(ms_stepper *s);
 
 /* Sets e->constraint, the constraints of the matrix, for a stage of coefficient ah (newton.h). */
 void ms_contact_set_make_constraints(ms_stepper *s, double ah);
@@ -156,10 +164,6 @@ void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *swee
 
 /* Puts particles in contact on their planes, to the last bit, in x_next and v_next. */
 void ms_contact_set_place(ms_stepper *s);
-
-/* The same, and computes a_end, and sets `change` of each contact. Without contacts it does
- * nothing. */
-void ms_contact_set_finish_substep(ms_stepper *s);
 
 /* The smallest reaction per mass to the free acceleration a; < 0: a plane would have to pull */
 double ms_contact_set_reaction(const ms_contact *c, const double a[3]);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/contact_change.h"
 #include "contact/contact_impulses.h"
 #include "contact/moving_obstacles.h"
 #include "physics/signed_distance.h"
@@ -223,7 +224,7 @@ static msim_status make_substep(substeps *j, double length, msim_error *err) {
   j->s->work_in_step = j->work;
   j->s->dense_output = 0;
   const msim_status status = j->method->step(j->s, err);
-  if (!status) ms_contact_set_finish_substep(j->s);
+  if (!status) ms_contact_change_finish_substep(j->s);
   j->ends_known = j->e->ncontacts > 0;
   return status;
 }
@@ -251,7 +252,7 @@ static void end_at_dense_output(substeps *j, double share) {
   s->h *= share;
   s->work_in_step = j->work;
   if (j->method->counts_work) ms_stepper_add_trapezoidal_work(s, s->v);
-  ms_contact_set_finish_substep(s);
+  ms_contact_change_finish_substep(s);
   j->ends_known = j->e->ncontacts > 0;
 }
 

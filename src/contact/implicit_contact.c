@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/vec3.h"
+#include "contact/contact_change.h"
 #include "contact/contact_impulses.h"
 #include "contact/contact_joining.h"
 #include "contact/implicit_impulses.h"
@@ -11,6 +12,7 @@
 #include "contact/step_energy.h"
 #include "methods/methods.h"
 #include "physics/external_force.h"
+#include "physics/rank_model.h"
 #include "scene/options.h"
 
 /* Velocities along the normals: particles that are fast enough bounce; all particles reach the
@@ -169,14 +171,17 @@ static int update_tangents(contact_solve *j, ms_contact *c) {
   return 1;
 }
 
-/* Updates the contact set by solve number `solve`, from 0; returns 1 if it has changed. */
+/* Updates the contact set by solve number `solve`, from 0; returns 1 if it has changed on any rank.
+ */
 static int update_contacts(contact_solve *j, int solve) {
   const int is_rough = solve < ROUGH_SOLVES;
   const int keeps = j->e->near.nsolids > 0 && solve > 0;
   int32_t changed = is_rough ? remove_pulled(j) : 0;
   for (int32_t i = 0; i < j->e->ncontacts && is_rough; i++)
     changed += update_friction(j, &j->e->contact[i]) + update_tangents(j, &j->e->contact[i]);
-  return changed + ms_contact_joining_add_penetrating(j->s, keeps) > 0;
+  changed += ms_contact_joining_add_penetrating(j->s, keeps);
+  ms_contact_set_share(j->s);
+  return ms_rank_model_any(j->s->model, changed > 0);
 }
 
 /* Friction by the free acceleration at the start of the step, and whether the particle sticks */
@@ -248,14 +253,17 @@ static msim_status solve_once(contact_solve *j, const ms_integrator *by, double 
   return MSIM_OK;
 }
 
-/* At most n solves that find out which particles are in contact, to a relative residual of ROUGH.
- * The matrix is that of linearly-implicit-euler, also for methods that solve nonlinear equations.
- */
+#ifndef MS_ROUGH_RESIDUAL /* tests make it small */
+#  define MS_ROUGH_RESIDUAL 3e-2
+#endif
+
+/* At most n solves that find out which particles are in contact, to a relative residual of
+ * MS_ROUGH_RESIDUAL. The matrix is that of linearly-implicit-euler, also for methods that solve
+ * nonlinear equations. */
 static msim_status find_contacts(contact_solve *j, int n, msim_error *err) {
-  const double ROUGH = 3e-2;
   int changes = 1;
   for (int i = 0; i < n && changes; i++) {
-    const msim_status status = solve_once(j, &ms_linearly_implicit_euler, ROUGH, err);
+    const msim_status status = solve_once(j, &ms_linearly_implicit_euler, MS_ROUGH_RESIDUAL, err);
     if (status) return status;
     changes = update_contacts(j, i);
   }
@@ -273,8 +281,8 @@ static msim_status solve_contact_step(contact_solve *j, msim_error *err) {
   return MSIM_OK;
 }
 
-/* 1 if the method's own step changes no contact */
-static int is_settled(contact_solve *j) {
+/* 1 if the method's own step changes no contact of this rank */
+static int is_settled(const contact_solve *j) {
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
     const ms_contact *c = ms_contact_set_lookup(j->e, r, &next);
@@ -302,9 +310,9 @@ static msim_status try_law(contact_solve *j, const ms_step_energy *start, int *g
     status = solve_contact_step(j, err);
     if (status) return status;
     const double end = ms_step_energy_find_end(j->s);
-    const double work = ms_step_energy_bound_work(j->s, j->v_start) +
-                        2 * fabs(ms_solid_contact_find_work(j->s, j->v_start));
-    *grows = end > most + work;
+    const double own = ms_solid_contact_find_work(j->s, j->v_start);
+    const double by_solids = 2 * fabs(ms_rank_model_sum(j->s->model, own));
+    *grows = end > most + (ms_step_energy_bound_work(j->s, j->v_start) + by_solids);
   }
   return status;
 }
@@ -321,6 +329,7 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
   for (;;) {
     int grows;
     const msim_status status = try_law(j, &start, &grows, err);
+    j->bounces = ms_rank_model_any(s->model, j->bounces);
     const int is_last = j->law == KEEP_DISTANCE || (j->is_linear && !j->bounces);
     if ((j->law == KEEP_DISTANCE && !j->is_linear) || (status && status != MSIM_NOT_CONVERGED))
       return status;
@@ -352,7 +361,7 @@ static msim_status solve_twice(contact_solve *j, msim_error *err) {
 /* One step of a linear method. Particles that end inside are reflected. */
 static msim_status make_reflected_step(contact_solve *j, msim_error *err) {
   ms_stepper *s = j->s;
-  const double before = s->work_in_step;
+  const double before = ms_rank_model_sum(s->model, s->work_in_step);
   const ms_step_energy start = ms_step_energy_bound(s, j->v_start);
   const msim_status status = solve_twice(j, err);
   if (status) return status;
@@ -370,16 +379,17 @@ static msim_status make_reflected_step(contact_solve *j, msim_error *err) {
 static msim_status make_own_step(contact_solve *j, int cached, int *settled, msim_error *err) {
   ms_stepper *s = j->s;
   *settled = 0;
-  s->cached_stage = s->x != j->e->x && ms_contact_set_hash(s) == j->e->contact_hash ? cached : 0;
+  const int is_new = s->x == j->e->x || ms_contact_set_hash(s) != j->e->contact_hash;
+  s->cached_stage = ms_rank_model_any(s->model, is_new) ? 0 : cached;
   s->c = 0;
   const msim_status status = j->method->step(s, err);
   if (status) return status == MSIM_NOT_CONVERGED ? MSIM_OK : status;
   j->has_solution = 1;
   if (j->method->entry.order == 1) ms_implicit_impulses_keep(s, j->v_start, !j->method->nonlinear);
-  ms_contact_set_finish_substep(s);
-  *settled = is_settled(j);
+  ms_contact_change_finish_substep(s);
+  *settled = !ms_rank_model_any(s->model, !is_settled(j));
   if (!*settled) {
-    if (!j->e->ncontacts) /* those that are predicted are updated by it */
+    if (!ms_stepper_has_contacts(s)) /* those that are predicted are updated by it */
       ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, j->e->a_end);
     return MSIM_OK;
   }
@@ -396,7 +406,7 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
 static int may_make_own_step(const contact_solve *j) {
   const int may_touch =
       j->s->opt->collision == MSIM_COLLISION_EVENT && (j->method->nonlinear || !j->e->near.nsolids);
-  return !ms_solid_contact_any_moves(j->s) && (may_touch || !j->e->ncontacts);
+  return !ms_solid_contact_any_moves(j->s) && (may_touch || !ms_stepper_has_contacts(j->s));
 }
 
 msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {

@@ -6,6 +6,7 @@
 #include "base/vec3.h"
 #include "contact/impact_time.h"
 #include "contact/moving_obstacles.h"
+#include "physics/rank_model.h"
 #include "physics/signed_distance.h"
 
 /*------------------------------------- moving solids --------------------------------------------*/
@@ -54,9 +55,10 @@ void ms_solid_contact_set_frame(const ms_stepper *s, ms_contact *c) {
 }
 
 int ms_solid_contact_any_moves(const ms_stepper *s) {
-  for (int32_t i = 0; i < s->events->ncontacts; i++)
-    if (s->events->contact[i].frame.moves) return 1;
-  return 0;
+  int any = 0;
+  for (int32_t i = 0; i < s->events->ncontacts && !any; i++)
+    any = s->events->contact[i].frame.moves;
+  return ms_rank_model_any(s->model, any);
 }
 
 double ms_solid_contact_find_work(ms_stepper *s, const double *v_start) {

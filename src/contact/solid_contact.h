@@ -23,12 +23,12 @@ void ms_solid_contact_add_way(const ms_stepper *s, int32_t i, const double x[3],
  * velocity at the end, which friction and bounces are relative to. */
 void ms_solid_contact_set_frame(const ms_stepper *s, ms_contact *c);
 
-/* 1: a solid of a contact may move. */
+/* 1: a solid of a contact, of any rank, may move. Collective */
 int ms_solid_contact_any_moves(const ms_stepper *s);
 
 /* The work of moving solids in the step just made, J: of the impulses that changed velocities from
  * v_start, beside those of forces, along the mean velocity of the surfaces. Sets the free
- * accelerations at the end, a_end of the contact set. */
+ * accelerations at the end, a_end of the contact set. Collective; each rank has its own part. */
 double ms_solid_contact_find_work(ms_stepper *s, const double *v_start);
 
 /* 1: the way of an unknown from s->x to s->x_next meets solid i; c: its contact, or NULL. `at`: the

@@ -4,12 +4,14 @@
 #include "physics/external_force.h"
 #include "physics/force_function.h"
 #include "physics/moving_pins.h"
+#include "physics/rank_model.h"
 
 typedef struct energy {
   double total;            /* kinetic, elastic and potential energy, J */
   double motion, rounding; /* the first two, and the rounding tolerance of all */
 } energy;
 
+/* Of all ranks */
 static energy find_energy(const ms_stepper *s, const double *x, const double *v) {
   const ms_totals t = ms_totals_compute(s->model, x, v, s->events->parts);
   const ms_external *forces = &s->model->external;
@@ -19,10 +21,11 @@ static energy find_energy(const ms_stepper *s, const double *x, const double *v)
               (ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r));
   const double potential =
       s->model->function ? ms_force_function_compute_potential(s->model, x) : 0;
-  return (energy){.total = t.kinetic + t.elastic - ms_external_work(forces, t.moment) -
-                           t.force_work + potential,
-                  .motion = t.kinetic + t.elastic,
-                  .rounding = 1e-12 * (t.kinetic + t.elastic + weight * s->events->reach)};
+  const double motion = t.kinetic + t.elastic;
+  double sum[3] = {motion - ms_external_work(forces, t.moment) - t.force_work + potential, motion,
+                   weight};
+  ms_ranks_sum(ms_rank_model_ranks(s->model), 3, sum);
+  return (energy){sum[0], sum[1], 1e-12 * (sum[1] + sum[2] * s->events->reach)};
 }
 
 /* Sets the positions of moving pins in x to those at the start or at the end of the step. */
@@ -35,7 +38,7 @@ ms_step_energy ms_step_energy_bound(ms_stepper *s, const double *v) {
   const double SMALL = 1e-5; /* growth by linearization, over kinetic and elastic energy */
   set_pins(s, 0, s->x);
   energy most = find_energy(s, s->x, v);
-  if (s->model->pins) {
+  if (ms_rank_model_may_have_motions(s->model)) {
     set_pins(s, 1, s->x);
     const energy moved = find_energy(s, s->x, v);
     set_pins(s, 0, s->x);
@@ -54,7 +57,7 @@ double ms_step_energy_bound_work(ms_stepper *s, const double *v) {
   s->work_in_step = 0;
   set_pins(s, 1, s->x_next);
   ms_stepper_add_trapezoidal_work(s, v);
-  const double work = s->work_in_step;
+  const double work = ms_rank_model_sum(s->model, s->work_in_step);
   s->work_in_step = before;
   return 2 * fabs(work);
 }
@@ -62,15 +65,19 @@ double ms_step_energy_bound_work(ms_stepper *s, const double *v) {
 /*------------------------------------- shorter steps --------------------------------------------*/
 
 /* The mean way and velocity of the moving solids in contact; 0: there are none */
-static ms_contact_frame find_mean_frame(const ms_contact_set *e) {
-  ms_contact_frame mean = {0};
+static ms_contact_frame find_mean_frame(const ms_stepper *s) {
+  const ms_contact_set *e = s->events;
+  double sum[7] = {0}; /* their number, ways and velocities, of all ranks */
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact_frame *f = &e->contact[i].frame;
     if (!f->moves) continue;
-    mean.moves++;
-    ms_vec3_axpy(1, f->way, mean.way), ms_vec3_axpy(1, f->end, mean.end);
+    sum[0]++;
+    ms_vec3_axpy(1, f->way, sum + 1), ms_vec3_axpy(1, f->end, sum + 4);
   }
-  for (int c = 0; c < 3 && mean.moves; c++) mean.way[c] /= mean.moves, mean.end[c] /= mean.moves;
+  ms_ranks_sum(ms_rank_model_ranks(s->model), 7, sum);
+  ms_contact_frame mean = {.moves = sum[0] > 0};
+  for (int c = 0; c < 3 && mean.moves; c++)
+    mean.way[c] = sum[1 + c] / sum[0], mean.end[c] = sum[4 + c] / sum[0];
   return mean;
 }
 
@@ -93,12 +100,16 @@ static void halve_step(ms_stepper *s, const ms_contact_frame *frame) {
   }
 }
 
+static double find_energy_less_work(const ms_stepper *s) {
+  return ms_step_energy_find_end(s) - ms_rank_model_sum(s->model, s->work_in_step);
+}
+
 void ms_step_energy_shorten(ms_stepper *s, double most) {
   enum { MOST = 24 };
   const ms_shape shape = s->model->shape;
-  const ms_contact_frame mean = find_mean_frame(s->events);
+  const ms_contact_frame mean = find_mean_frame(s);
   double *x_best = s->events->begin[0], *v_best = s->events->begin[1];
-  double now = ms_step_energy_find_end(s) - s->work_in_step, best = INFINITY, work = 0;
+  double now = find_energy_less_work(s), best = INFINITY, work = 0;
   for (int n = 0;; n++) {
     if (now <= most) return;
     if (now < best) {
@@ -109,7 +120,7 @@ void ms_step_energy_shorten(ms_stepper *s, double most) {
     if (n == MOST) break;
     halve_step(s, &mean);
     ms_stepper_reflect_remaining(s, NULL);
-    now = ms_step_energy_find_end(s) - s->work_in_step;
+    now = find_energy_less_work(s);
   }
   ms_vector_copy(shape, x_best, s->x_next);
   ms_vector_copy(shape, v_best, s->v_next);

@@ -1,4 +1,5 @@
-/* step_energy - does a step with contact add energy? One that does may be shortened. */
+/* step_energy - does a step with contact add energy? One that does may be shortened. Energies and
+ * work are those of all ranks, and all functions are collective. */
 #ifndef MS_STEP_ENERGY_H
 #define MS_STEP_ENERGY_H
 

@@ -146,7 +146,7 @@ void ms_stepper_reflect_stage(ms_stepper *s, double *x, double *v);
 /* Reflects the particles that a step with contacts in its matrix has left inside. Nullable: log */
 void ms_stepper_reflect_remaining(ms_stepper *s, struct ms_contact_log *log);
 
-/* 1: particles are in contact with planes (contact_set.h); forces then depend on v. */
+/* 1: particles of any rank are in contact with planes (contact_set.h); forces then depend on v. */
 int ms_stepper_has_contacts(const ms_stepper *s);
 /* Adds the constraints of these contacts to a linear system. */
 void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec);

@@ -15,7 +15,9 @@ void ms_stepper_init_stage(const ms_stepper *s, double *stage) {
   ms_vector_copy_all(s->model->shape, s->x, stage);
 }
 
-int ms_stepper_has_contacts(const ms_stepper *s) { return s->events && s->events->ncontacts; }
+int ms_stepper_has_contacts(const ms_stepper *s) {
+  return s->events && (s->events->ncontacts || s->events->others_have_contacts);
+}
 
 /* Without springs the matrix is a scalar for each particle, and takes no constraints. */
 void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec) {
@@ -65,13 +67,6 @@ int ms_stepper_is_separable(const ms_stepper *s) {
   return !(s->model->features & (MS_HAS_DAMPING | MS_HAS_DRAG)) && !ms_stepper_has_contacts(s);
 }
 
-/* Methods drop cached stages where any particle was reflected: all ranks, or none. */
-static int64_t count_on_all_ranks(const ms_stepper *s, int64_t reflected) {
-  double sum = (double)reflected;
-  ms_ranks_sum(ms_rank_model_ranks(s->model), 1, &sum);
-  return s->model->rank_model && sum >= 0 ? (int64_t)sum : reflected;
-}
-
 /* Reflection computes with doubles. */
 static int64_t reflect_vectors(const ms_stepper *s, const ms_solid *solids, ms_contact_log *log,
                                double *x, double *v, double *work) {
@@ -86,7 +81,8 @@ static int64_t reflect_vectors(const ms_stepper *s, const ms_solid *solids, ms_c
   return own;
 }
 
-/* The collider at a time of its motion has the velocity of the interval before. */
+/* The collider at a time of its motion has the velocity of the interval before. Methods drop cached
+ * stages where any particle was reflected: all ranks, or none. */
 static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v, double *work) {
   if (!(s->model->features & MS_HAS_PLANES)) return 0;
   double start = ms_clock_now();
@@ -94,7 +90,7 @@ static int64_t reflect(ms_stepper *s, ms_contact_log *log, double *x, double *v,
   const ms_solid *solids =
       ms_collider_motion_place_all(s->model->scene, end, s->model->moving_solids);
   const int64_t own = reflect_vectors(s, solids, log, x, v, work);
-  const int64_t reflected = count_on_all_ranks(s, own);
+  const int64_t reflected = ms_rank_model_count(s->model, own);
   s->stats->contacts += reflected;
   if (own) s->finite = 0;
   s->stats->collide_s += ms_clock_now() - start;

@@ -51,7 +51,8 @@ static void archive_constraints(ms_archive *b, const ms_unknowns *rows,
   ms_archive_check(b, origin->nconstraints >= 0 && origin->nconstraints <= rows->nfree,
                    "the number of constrained particles");
   if (ms_archive_failed(b)) return;
-  const int32_t n = b->direction == MS_ARCHIVE_COUNT ? rows->nfree : origin->nconstraints;
+  const int32_t most = b->rows ? b->rows->n : rows->nfree;
+  const int32_t n = b->direction == MS_ARCHIVE_COUNT ? most : origin->nconstraints;
   ms_archive_transfer(b, origin->constraint, (size_t)n * sizeof *origin->constraint);
   for (int32_t i = 0, next = 0; i < n && b->direction == MS_ARCHIVE_READ; i++) {
     const ms_constraint *g = &origin->constraint[i];
@@ -185,12 +186,17 @@ msim_status ms_solver_state_archive(ms_archive *b, ms_solver *s, int in_use, msi
   return MSIM_OK;
 }
 
-/* As archive_linearization_point() without constraints */
+/* As archive_linearization_point(), of n unknowns */
 static void skip_linearization_point(ms_archive *b, const ms_solver *s, int32_t n) {
-  const ms_linearization_point point = {0};
+  ms_linearization_point point = {0};
   b->position += sizeof point.h + sizeof point.clamped + sizeof point.kind;
   if (s->system.a.block == 1) return;
   b->position += (size_t)s->system.model->shape.dims * (size_t)n * sizeof *point.x;
+  if (!ms_solver_may_have_constraints(s)) return;
+  MS_ARCHIVE_TRANSFER(b, point.nconstraints);
+  ms_archive_check(b, point.nconstraints >= 0 && point.nconstraints <= n,
+                   "the number of constrained particles");
+  if (!ms_archive_failed(b)) b->position += (size_t)point.nconstraints * sizeof *point.constraint;
 }
 
 void ms_solver_state_skip(ms_archive *b, const ms_solver *s, int32_t n) {

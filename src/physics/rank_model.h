@@ -47,6 +47,25 @@ static inline int ms_rank_model_may_have_motions(const ms_model *model) {
   return model->pins || (model->rank_model && model->scene->nmotions > 0);
 }
 
+/* 1: it is so on any rank. Collective */
+static inline int ms_rank_model_any(const ms_model *model, int is_so) {
+  double any = is_so;
+  ms_ranks_maximum(ms_rank_model_ranks(model), 1, &any);
+  return any > 0;
+}
+
+/* The sum over all ranks. Collective */
+static inline double ms_rank_model_sum(const ms_model *model, double own) {
+  ms_ranks_sum(ms_rank_model_ranks(model), 1, &own);
+  return own;
+}
+
+/* The same; `own` after a failure of the communicator */
+static inline int64_t ms_rank_model_count(const ms_model *model, int64_t own) {
+  const double sum = ms_rank_model_sum(model, (double)own);
+  return sum >= 0 ? (int64_t)sum : own;
+}
+
 /* The elastic energy at x of springs that count elsewhere; 0 in one process */
 double ms_rank_model_foreign_energy(const ms_model *model, const double *x);
 

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/archive.h"
 #include "base/sized.h"
 #include "base/vec3.h"
 #include "scene/scene.h"
@@ -127,6 +128,17 @@ size_t ms_colliders_count_values(const msim_collider *c) {
   size_t n = key != NULL;
   for (int32_t i = 0; key && i < key->count; i++) n *= (size_t)c->n[i];
   return n;
+}
+
+uint64_t ms_colliders_hash(const msim_collider *c, uint64_t hash) {
+  const int32_t shape[] = {c->type, c->inside};
+  hash = ms_archive_hash(hash, shape, sizeof shape);
+  for (int k = 0; k < MS_COLLIDER_MEMBERS; k++)
+    hash = ms_archive_hash(hash, ms_colliders_get_member(c, &ms_collider_members[k]),
+                           (size_t)ms_collider_members[k].key.count * sizeof(double));
+  if (!c->values) return hash;
+  hash = ms_archive_hash(hash, c->n, sizeof c->n);
+  return ms_archive_hash(hash, c->values, ms_colliders_count_values(c) * sizeof *c->values);
 }
 
 const ms_collider_type *ms_colliders_get_type(int32_t type) {

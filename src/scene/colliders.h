@@ -73,6 +73,9 @@ const ms_scene_key *ms_colliders_get_values_key(int32_t type);
 /* The number of samples of a collider; 0 without */
 size_t ms_colliders_count_values(const msim_collider *c);
 
+/* A hash of the solid and its samples, added to `hash` */
+uint64_t ms_colliders_hash(const msim_collider *c, uint64_t hash);
+
 /* Get type `type`, from MSIM_COLLIDER_SPHERE on; NULL: there is no such type. */
 const ms_collider_type *ms_colliders_get_type(int32_t type);
 

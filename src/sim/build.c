@@ -16,7 +16,7 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   ms_stepper *s = &m->stepper;
   double **vectors[9 + MS_MAX_WORK] = {&s->x, &s->v, &s->x_next, &s->v_next, &s->scratch};
   int count = 5;
-  const int constrains = sim->config.integrator->entry.implicit && !sim->part &&
+  const int constrains = sim->config.integrator->entry.implicit &&
                          ms_scene_constrains(sim->scene, sim->config.opt.collision);
   const int events = (constrains || sim->config.opt.collision == MSIM_COLLISION_EVENT) &&
                      m->model.features & MS_HAS_PLANES;
