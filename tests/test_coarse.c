@@ -76,6 +76,14 @@ static void prolong(const msim_sim *sim, const ms_coarse *coarse, const double *
   }
 }
 
+/* As an iteration does, but the chunks backwards */
+static double coarse_solve(ms_coarse *coarse, const double *r) {
+  const int32_t slices = coarse->model->half_edges.nslices, chunk = MS_RESTRICTION_SLICES;
+  for (int32_t k = (slices - 1) / chunk; k >= 0; k--)
+    ms_coarse_restrict(coarse, r, chunk * k, chunk * (k + 1) < slices ? chunk * (k + 1) : slices);
+  return ms_coarse_solve(coarse);
+}
+
 /*------------------------------------- coarse matrix --------------------------------------------*/
 
 /* P^T v, z and v.Q v are as ms_coarse_solve documents them; Q is symmetric positive
@@ -87,17 +95,45 @@ static void coarse_operator_is_symmetric(void **state) {
     ms_coarse *coarse = &pcg_of(sim)->coarse;
     double *u = random_vector(sim, 1), *v = random_vector(sim, 2);
     double *Qu = random_vector(sim, 3), *Qv = random_vector(sim, 3);
-    const double vv = ms_coarse_solve(coarse, v);
+    const double vv = coarse_solve(coarse, v);
     prolong(sim, coarse, coarse->z, Qv);
     prolong(sim, coarse, coarse->r, Qu); /* P P^T v: an orthogonal projection of v */
     assert_close(dot(sim, Qu, Qu), dot(sim, Qu, v), 1e-5 * dot(sim, v, v));
-    const double uu = ms_coarse_solve(coarse, u);
+    const double uu = coarse_solve(coarse, u);
     prolong(sim, coarse, coarse->z, Qu);
     assert_true(uu > 0 && vv > 0);
     assert_close(dot(sim, v, Qv), vv, 1e-13 * vv);
     assert_close(dot(sim, u, Qu), uu, 1e-13 * uu);
     assert_close(dot(sim, u, Qv), dot(sim, v, Qu), 1e-13 * sqrt(uu * vv));
     free(u), free(v), free(Qu), free(Qv);
+    msim_sim_destroy(sim);
+  }
+}
+
+/* P^T r of rows in several chunks is the sum over the unknowns of each aggregate, in double
+ * precision, twice. */
+static void restriction_adds_all_chunks(void **state) {
+  (void)state;
+  for (int kind = 0; kind < SCENES; kind++) {
+    msim_sim *sim = moved(kind, 48, 32);
+    const ms_unknowns *rows = &sim->islands->model.unknowns;
+    ms_coarse *coarse = &pcg_of(sim)->coarse;
+    const ms_aggregates *a = &coarse->aggregates;
+    assert_true(rows->first_pinned > 2 * MS_SLICE * MS_RESTRICTION_SLICES);
+    for (unsigned seed = 1; seed <= 2; seed++) {
+      double *v = random_vector(sim, seed);
+      coarse_solve(coarse, v);
+      for (int32_t at = 0; at < 4 * rows->dims * a->n; at++) {
+        const int32_t k = at / (4 * rows->dims), c = at / 4 % rows->dims;
+        double sum = 0, size = 0;
+        for (int32_t i = a->first[k]; i < a->first[k + 1]; i++) {
+          const double w = (double)a->weight[4 * a->unknown[i] + at % 4];
+          sum += w * v[c * rows->stride + a->unknown[i]], size += fabs(w);
+        }
+        assert_close(coarse->r[at], sum, 64 * DBL_EPSILON * size);
+      }
+      free(v);
+    }
     msim_sim_destroy(sim);
   }
 }
@@ -273,6 +309,7 @@ static void other_constraint_sets_are_detected(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(coarse_operator_is_symmetric),
+                                     cmocka_unit_test(restriction_adds_all_chunks),
                                      cmocka_unit_test(coarse_matrix_is_the_triple_product),
                                      cmocka_unit_test(matrix_is_rounded_spring_by_spring),
                                      cmocka_unit_test(springs_stay_balanced),

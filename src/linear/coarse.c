@@ -85,6 +85,8 @@ msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_c
   const msim_allocator *alloc = &model->scene->alloc;
   *coarse = (ms_coarse){.model = model, .kernels = ms_coarse_kernels_of[model->isa]};
   msim_status status = ms_aggregates_create(model, aggregate_size, &coarse->aggregates, err);
+  if (!status)
+    status = ms_restriction_create(model, &coarse->aggregates, &coarse->restriction, err);
   if (!status) status = keep_modes(model, coarse, err);
   if (!status) status = analyse(model, coarse, err);
   if (status) return status;
@@ -101,6 +103,7 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   if (!coarse->model) return;
   const msim_allocator *alloc = &coarse->model->scene->alloc;
   ms_aggregates_destroy(coarse->model, &coarse->aggregates);
+  ms_restriction_destroy(coarse->model, &coarse->restriction);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
   MS_FREE(alloc, coarse->block, coarse->diagonal, coarse->r, coarse->z, coarse->modes,
           coarse->constrained);
@@ -113,7 +116,6 @@ void ms_coarse_destroy(ms_coarse *coarse) {
 typedef struct coarse_job {
   ms_coarse *coarse;
   const ms_coarse_matrix *a;
-  const double *r;
 } coarse_job;
 
 static void coarse_run(ms_pool_chunk *work, coarse_job *j) {
@@ -127,11 +129,6 @@ static void assemble_chunk(void *data, int32_t begin, int32_t end) {
     j->coarse->kernels->assemble(j->coarse, j->a->coefficients, j->a->inertia, k);
     ms_coarse_angles_assemble(j->coarse, j->a, k);
   }
-}
-
-static void restrict_chunk(void *data, int32_t begin, int32_t end) {
-  const coarse_job *j = data;
-  for (int32_t k = begin; k < end; k++) j->coarse->kernels->restrict_to(j->coarse, j->r, k);
 }
 
 static void clear_modes(ms_coarse *coarse, const ms_constraint *constraint, int32_t n) {
@@ -187,9 +184,20 @@ msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a) {
   return ms_block_cholesky_factor(chol);
 }
 
-double ms_coarse_solve(ms_coarse *coarse, const double *r) {
+/*------------------------------------- solution -------------------------------------------------*/
+
+void ms_coarse_restrict(ms_coarse *coarse, const double *r, int32_t begin, int32_t end) {
+  coarse->kernels->restrict_rows(coarse, r, MS_SLICE * (size_t)begin, MS_SLICE * (size_t)end);
+}
+
+static void add_parts_chunk(void *data, int32_t begin, int32_t end) {
+  const coarse_job *j = data;
+  for (int32_t k = begin; k < end; k++) j->coarse->kernels->add_parts(j->coarse, k);
+}
+
+double ms_coarse_solve(ms_coarse *coarse) {
   const int32_t n = coarse->aggregates.n * coarse->chol.block;
-  coarse_run(restrict_chunk, &(coarse_job){.coarse = coarse, .r = r});
+  coarse_run(add_parts_chunk, &(coarse_job){.coarse = coarse});
   memcpy(coarse->z, coarse->r, (size_t)n * sizeof *coarse->z);
   ms_block_cholesky_solve(&coarse->chol, coarse->z);
   double sum = 0;

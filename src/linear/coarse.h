@@ -7,11 +7,13 @@
 
 #include "linear/aggregates.h"
 #include "linear/block_cholesky.h"
+#include "linear/restriction.h"
 #include "physics/force.h"
 
 typedef struct ms_coarse {
   const ms_model *model;
   ms_aggregates aggregates;
+  ms_restriction restriction;
   ms_block_cholesky chol;
   int32_t *block;       /* 8 halves.nslots: the off-diagonal block to which a half-edge contributes;
                      -1: none, or the opposite half-edge contributes to it */
@@ -53,7 +55,12 @@ typedef struct ms_coarse_matrix {
  * MSIM_NOT_SPD: A is not positive definite, up to rounding, and there is no factor. */
 msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a);
 
-/* coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r. Returns coarse->r . coarse->z. */
-double ms_coarse_solve(ms_coarse *coarse, const double *r);
+/* Sum P^T r over the slices [begin, end), a chunk of restriction.h; chunks in any order, by any
+ * threads. */
+void ms_coarse_restrict(ms_coarse *coarse, const double *r, int32_t begin, int32_t end);
+
+/* After that of all chunks: coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r. Returns
+ * coarse->r . coarse->z. */
+double ms_coarse_solve(ms_coarse *coarse);
 
 #endif

@@ -68,33 +68,44 @@ static void assemble_aggregate(ms_coarse *coarse, const float *coefficients, con
   }
 }
 
-/* The unknowns of an aggregate are scattered in memory: prefetch a later one. */
-MS_INLINE void prefetch_unknown(size_t dims, const ms_aggregates *g, const double *r, size_t stride,
-                                int32_t i) {
-  enum { AHEAD = 16 };
-  if (i + AHEAD >= g->first[g->n]) return;
-  const size_t row = (size_t)g->unknown[i + AHEAD];
-  __builtin_prefetch(g->weight + MS_MODES * row);
-  for (size_t c = 0; c < dims; c++) __builtin_prefetch(r + c * stride + row);
-}
-
-MS_INLINE void restrict_to_aggregate_of(size_t dims, ms_coarse *coarse, const double *r,
-                                        int32_t aggregate) {
-  const ms_aggregates *g = &coarse->aggregates;
+/* Consecutive rows are mostly of the same part. It starts from 0 where it is met first: parts are
+ * numbered in that order. */
+MS_INLINE void restrict_rows_of(size_t dims, ms_coarse *coarse, const double *r, size_t begin,
+                                size_t end) {
+  const float *weight = coarse->aggregates.weight;
+  const int32_t *part = coarse->restriction.part;
   const size_t stride = (size_t)coarse->model->unknowns.stride;
-  ms_quad sum[3] = {{0}};
-  for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
-    prefetch_unknown(dims, g, r, stride, i);
-    const ms_quad w = ms_simd_load_float_quad(g->weight + MS_MODES * g->unknown[i]);
-    for (size_t c = 0; c < dims; c++) sum[c] += w * r[c * stride + (size_t)g->unknown[i]];
+  for (size_t row = begin, met = 0; row < end;) {
+    const int32_t own = part[row];
+    double *to = coarse->restriction.sums + MS_MODES * dims * (size_t)own;
+    ms_quad sum[3] = {{0}};
+    if ((size_t)own < met)
+      for (size_t c = 0; c < dims; c++) sum[c] = ms_simd_load_quad(to + MS_MODES * c);
+    else met = (size_t)own + 1;
+    for (; row < end && part[row] == own; row++) {
+      const ms_quad w = ms_simd_load_float_quad(weight + MS_MODES * row);
+      for (size_t c = 0; c < dims; c++) sum[c] += w * r[c * stride + row];
+    }
+    for (size_t c = 0; c < dims; c++) ms_simd_store_quad(to + MS_MODES * c, sum[c]);
   }
-  for (size_t c = 0; c < dims; c++)
-    ms_simd_store_quad(coarse->r + MS_MODES * (dims * (size_t)aggregate + c), sum[c]);
 }
 
-static void restrict_to_aggregate(ms_coarse *coarse, const double *r, int32_t aggregate) {
-  if (coarse->model->unknowns.dims == 3) restrict_to_aggregate_of(3, coarse, r, aggregate);
-  else restrict_to_aggregate_of(2, coarse, r, aggregate);
+static void restrict_rows(ms_coarse *coarse, const double *r, size_t begin, size_t end) {
+  if (coarse->model->unknowns.dims == 3) restrict_rows_of(3, coarse, r, begin, end);
+  else restrict_rows_of(2, coarse, r, begin, end);
 }
 
-const ms_coarse_kernels MS_TABLE(ms_coarse_kernels) = {assemble_aggregate, restrict_to_aggregate};
+static void add_parts(ms_coarse *coarse, int32_t aggregate) {
+  const ms_buckets *parts = &coarse->restriction.of;
+  const size_t block = (size_t)coarse->chol.block;
+  ms_quad sum[3] = {{0}};
+  for (int32_t p = parts->first[aggregate]; p < parts->first[aggregate + 1]; p++)
+    for (size_t q = 0; q < block / 4; q++)
+      sum[q] +=
+          ms_simd_load_quad(coarse->restriction.sums + block * (size_t)parts->item[p] + 4 * q);
+  for (size_t q = 0; q < block / 4; q++)
+    ms_simd_store_quad(coarse->r + block * (size_t)aggregate + 4 * q, sum[q]);
+}
+
+const ms_coarse_kernels MS_TABLE(ms_coarse_kernels) = {assemble_aggregate, restrict_rows,
+                                                       add_parts};

@@ -15,7 +15,7 @@ MS_TABLES(ms_pcg_kernels);
 
 /*------------------------------------- sweeps ---------------------------------------------------*/
 
-enum { CHUNK = 128 }; /* slices in a chunk of work */
+enum { CHUNK = MS_RESTRICTION_SLICES }; /* slices in a chunk of work */
 
 /* Arguments of one sweep over all slices by all threads */
 typedef struct pcg_sweep {
@@ -41,6 +41,7 @@ static void pcg_apply_chunk(void *data, int32_t begin, int32_t end) {
 static void reduce_chunk(void *data, int32_t begin, int32_t end) {
   const pcg_sweep *j = data;
   j->s->kernels->reduce(j->s, j->alpha, begin, end, j->s->sums + begin / CHUNK);
+  if (j->s->coarse_is_ready) ms_coarse_restrict(&j->s->coarse, j->s->r, begin, end);
 }
 
 static void advance_chunk(void *data, int32_t begin, int32_t end) {
@@ -76,7 +77,7 @@ static double pcg_apply(ms_pcg *s) {
   return sum;
 }
 
-/* r -= alpha q,  z = D^-1 r. Returns r.z of this rank. */
+/* r -= alpha q,  z = D^-1 r,  and the sums of P^T r. Returns r.z of this rank. */
 static double pcg_reduce(ms_pcg *s, double alpha) {
   double sum = 0;
   const int32_t n = pcg_run(reduce_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
@@ -88,7 +89,7 @@ static double pcg_reduce(ms_pcg *s, double alpha) {
  * coarse space of its own unknowns. product[0]: r.D^-1 r of this rank. Returns r.B r, and
  * product[0], over all ranks. */
 static double pcg_solve_coarse(ms_pcg *s, double product[2]) {
-  product[1] = s->coarse_is_ready ? ms_coarse_solve(&s->coarse, s->r) : 0;
+  product[1] = s->coarse_is_ready ? ms_coarse_solve(&s->coarse) : 0;
   double modes = 0;
   if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, s->r, s->z);
   else ms_ranks_sum(s->base.system->model->shape.ranks, 2, product);

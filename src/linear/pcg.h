@@ -9,7 +9,7 @@
  * Angular springs (physics/angle_springs.h) are added to it in double precision.
  * One iteration consists of three sweeps over the unknowns:
  *     apply    q = A p,                                   sum p.q
- *     reduce   r -= alpha q,  z = D^-1 r,                 sum r.z
+ *     reduce   r -= alpha q,  z = D^-1 r,  sums of P^T r, sum r.z
  *     advance  y += alpha p,  p = z + P c + beta p
  * where D are the diagonal blocks and P c is the coarse correction, whose share of r.z follows from
  * the coarse vectors. Each kernel works on a range of slices of 8 unknowns. */
