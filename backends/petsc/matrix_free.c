@@ -1,6 +1,5 @@
 #include "matrix_free.h"
 
-#include <math.h>
 #include <string.h>
 
 PetscErrorCode petsc_matrix_free_take_option(PetscOptions options, int *is_set) {
@@ -53,22 +52,11 @@ double petsc_matrix_free_product(const petsc_matrix_free *m, const double *r) {
   return sum;
 }
 
-/* 1 / |D^-1 1|, in the norm of the largest number */
-double petsc_matrix_free_size(const petsc_matrix_free *m) {
-  double most = 0;
-  for (size_t i = 0; i < unknowns(m->A); i++) m->y[i] = 1;
-  petsc_matrix_free_unpack(m->A, m->y, m->in);
-  m->A->precondition(m->A, m->in, m->out);
-  for (int32_t i = 0; i < m->A->block * m->A->stride; i++) most = fmax(most, fabs(m->out[i]));
-  return 1 / most;
-}
-
 /*------------------------------------- objects of PETSc -----------------------------------------*/
 
-/* y = f(x) 2^exponent, in the arrays of PETSc's vectors */
+/* y = f(x), in the arrays of PETSc's vectors */
 static PetscErrorCode call_host(const petsc_matrix_free *m, int is_product, Vec from, Vec to) {
   const msim_system *A = m->A;
-  const int exponent = is_product ? -m->exponent : m->exponent;
   const double *x;
   double *y;
   PetscErrorCode code = VecGetArrayRead(from, &x);
@@ -79,7 +67,6 @@ static PetscErrorCode call_host(const petsc_matrix_free *m, int is_product, Vec 
   if (!code) code = VecGetArrayWrite(to, &y);
   if (code) return code;
   petsc_matrix_free_pack(A, m->out, y);
-  for (size_t i = 0; i < unknowns(A); i++) y[i] = scalbn(y[i], exponent);
   return VecRestoreArrayWrite(to, &y);
 }
 

@@ -10,7 +10,6 @@
 
 typedef struct petsc_matrix_free {
   const msim_system *A;
-  int exponent;     /* of A / 2^exponent, which PETSc solves with */
   double *b, *y;    /* without padding; b: owned by the caller, with all that follows */
   double *in, *out; /* with padding */
 } petsc_matrix_free;
@@ -26,7 +25,6 @@ static inline int petsc_matrix_free_is_offered(const msim_system *A) {
 /* 0: there is no memory. */
 int petsc_matrix_free_allocate(petsc_matrix_free *m, const msim_host *host, const msim_system *A);
 
-/* The operator A / 2^exponent */
 PetscErrorCode petsc_matrix_free_create(petsc_matrix_free *m, MPI_Comm mpi, Mat *matrix);
 PetscErrorCode petsc_matrix_free_set_preconditioner(petsc_matrix_free *m, KSP ksp);
 
@@ -38,8 +36,5 @@ void petsc_matrix_free_apply(const petsc_matrix_free *m, const double *x, double
 
 /* r.D^-1 r, of the rows of this rank */
 double petsc_matrix_free_product(const petsc_matrix_free *m, const double *r);
-
-/* The size of entries of A, by D^-1: of the rows of this rank, for a power of two to scale by */
-double petsc_matrix_free_size(const petsc_matrix_free *m);
 
 #endif

@@ -7,7 +7,8 @@
  * bodies, of which multigrid makes its coarse spaces. KSP solves for corrections A e = b - A y from
  * e = 0, in its own norm and to a tolerance of ours, until the residual is small enough in the norm
  * of the host, sqrt(r.D^-1 r); so any KSP and PC may be chosen, also -ksp_type preonly -pc_type
- * cholesky. Both are scaled by powers of two, to about 1, which changes no digit.
+ * cholesky. r, and A where it is a matrix, are scaled by powers of two, to about 1, which changes
+ * no digit.
  *
  * PETSc is not thread-safe and has state of its own: a stack of error handlers, a table of options,
  * a function that prints. Each call here sets them and restores them under a lock. A new KSP for
@@ -294,11 +295,7 @@ static double multiply(petsc_solver *self, const msim_system *A, const double *x
 
 /* value = A / 2^exponent, the largest of all ranks is about 1; 0: they are not finite. */
 static int copy_values(petsc_solver *self, const msim_system *A) {
-  if (self->is_matrix_free) {
-    const double most = petsc_shared_maximum(A, petsc_matrix_free_size(&self->matrix_free));
-    self->exponent = self->matrix_free.exponent = isfinite(most) && most > 0 ? ilogb(most) : 0;
-    return isfinite(most);
-  }
+  if (self->is_matrix_free) return 1;
   const int32_t n = A->rowptr[A->block * A->n];
   double most = 0;
   for (int32_t e = 0; e < n && isfinite(most); e++)

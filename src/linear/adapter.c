@@ -76,12 +76,10 @@ static void adapter_precondition(const msim_system *view, const double *r, doubl
 static void adapter_precondition_by_two_levels(const msim_system *view, const double *r,
                                                double *z) {
   const adapter *self = view->data;
-  const ms_model *model = self->base.system->model;
   double *all = self->work ? self->work : z;
   if (all != r) memcpy(all, r, (size_t)(view->block * view->stride) * sizeof *all);
   self->pcg->ops->precondition(self->pcg, all, all);
   if (all != z) memcpy(z, all, (size_t)(view->block * view->stride) * sizeof *z);
-  clear_padding(&model->unknowns, view->block, z);
 }
 
 /* 1 if order contains each of [0, n) exactly once. seen: n zeros. */
