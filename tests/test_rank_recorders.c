@@ -21,6 +21,7 @@ static struct {
   int64_t ncells;
   double *x, *v;           /* 3 n a frame */
   float *strain, *tension; /* ncells a frame */
+  float *reaction;         /* 3 n a frame */
   uint64_t hash[MOST_FRAMES];
   double t[MOST_FRAMES];
   int committed;
@@ -42,9 +43,9 @@ static msim_status open_file(const msim_host *host, const msim_recording *what, 
   file.n = what->n, file.ncells = (int64_t)what->nsprings + what->nfaces, file.committed = 0;
   const size_t numbers = MOST_FRAMES * 3 * (size_t)what->n * sizeof(double),
                cells = MOST_FRAMES * (size_t)file.ncells * sizeof(float);
-  free(file.x), free(file.v), free(file.strain), free(file.tension);
+  free(file.x), free(file.v), free(file.strain), free(file.tension), free(file.reaction);
   file.x = malloc(numbers), file.v = malloc(numbers);
-  file.strain = malloc(cells), file.tension = malloc(cells);
+  file.strain = malloc(cells), file.tension = malloc(cells), file.reaction = malloc(numbers / 2);
   memset(file.x, 0xff, numbers), memset(file.v, 0xff, numbers);
   memset(file.strain, 0xff, cells), memset(file.tension, 0xff, cells);
   *self = (void *)(uintptr_t)host;
@@ -79,6 +80,9 @@ static msim_status commit_frame(void *self, const msim_frame *f, const msim_fram
   const msim_status status = count_call(self, COMMITS);
   if (status) return status;
   file.t[file.committed] = f->t;
+  if (f->reaction)
+    memcpy(file.reaction + 3 * (size_t)(file.committed * file.n), f->reaction,
+           3 * (size_t)file.n * sizeof *f->reaction);
   if (part->frame != file.committed || hash->checkpoint % 3) return MSIM_ERR_ARG;
   file.hash[file.committed++] = hash->rows;
   return MSIM_OK;
@@ -114,7 +118,9 @@ static const msim_recorder_type *const recorders[] = {&in_memory, NULL};
 typedef struct recorded_run {
   const msim_scene *scene;
   const char *path;
-  int resumes, asks; /* asks: for the state of the whole scene, as well */
+  int resumes;
+  int asks; /* for the state of the whole scene, as well */
+  int pins; /* changes the pinned particles */
   int32_t steps;
   msim_status expected;
 } recorded_run;
@@ -125,6 +131,7 @@ static const char *record_rank(msim_comm *comm, void *data) {
   msim_sim *sim;
   msim_recorder *recorder;
   msim_error why = {0};
+  const int32_t more[2] = {61, 117};
   rank_here = comm->rank;
   opt.steps = 20, opt.every = 5, opt.comm = comm, opt.recorders = recorders;
   EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_OK);
@@ -138,6 +145,8 @@ static const char *record_rank(msim_comm *comm, void *data) {
       EXPECT(r->asks == (now.x != NULL));
       if (now.step >= r->steps) break;
       EXPECT(msim_sim_step(sim, msim_sim_next_frame(sim) - now.step, &why) == MSIM_OK);
+      if (r->pins && now.step == 5) EXPECT(!msim_sim_set_pinned(sim, 2, more, 1, &why));
+      if (r->pins && now.step == 10) EXPECT(!msim_sim_set_pinned(sim, 1, more, 0, &why));
       status = msim_recorder_write(recorder, &why);
     }
     const msim_status closed = msim_recorder_close(recorder, status ? NULL : &why);
@@ -169,36 +178,76 @@ static void set_failure(int32_t rank, int call) {
   file.rows = file.cells = 0;
 }
 
-static void rows_are_those_of_one_process(void **state) {
-  (void)state;
-  enum { FRAMES = 5 };
-  msim_scene *scene = cloth_with_faces();
-  set_failure(-1, -1);
-  record(scene, 1, (recorded_run){.path = "one.memory", .steps = 20});
-  const size_t numbers = FRAMES * 3 * (size_t)file.n, cells = FRAMES * (size_t)file.ncells;
-  double *x = malloc(numbers * sizeof *x), *v = malloc(numbers * sizeof *v);
-  float *strain = malloc(cells * sizeof *strain), *tension = malloc(cells * sizeof *tension);
-  memcpy(x, file.x, numbers * sizeof *x), memcpy(v, file.v, numbers * sizeof *v);
-  memcpy(strain, file.strain, cells * sizeof *strain);
-  memcpy(tension, file.tension, cells * sizeof *tension);
+/* The same cloth in its plane, whose normal is y */
+static msim_scene *upright_cloth(void) {
+  const int32_t corners[2] = {0, 10}, faces[6] = {0, 60, 120, 5, 6, 90};
+  const double g[3] = {0.5, 0, -9.81};
+  const msim_cloth cloth = {.size = sizeof cloth,
+                            .rows = 11,
+                            .columns = 11,
+                            .row = {0.3, 0, -1},
+                            .column = {1, 0, 0},
+                            .mass = 0.3,
+                            .k_structural = 300,
+                            .k_shear = 200,
+                            .npinned = 2,
+                            .pinned = corners};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_cloth(scene, &cloth, err));
+  assert_ok(msim_scene_add_faces(scene, 2, faces, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+enum { FRAMES = 5 };
+
+static void check_calls(int32_t n) {
+  const int calls[CALLS] = {1, n - 1, FRAMES, FRAMES * n, FRAMES, n};
   assert_int_equal(file.committed, FRAMES);
-  for (int32_t n = 2; n <= MOST_RANKS; n++) {
+  for (int k = 0; k < CALLS; k++) assert_int_equal(file.calls[k], calls[k]);
+  assert_int_equal(file.rows, FRAMES * file.n);
+  assert_int_equal(file.cells, FRAMES * file.ncells);
+  for (int i = 0; i < FRAMES; i++)
+    assert_true(file.hash[i] == 0 - (uint64_t)n - (uint64_t)file.n && file.t[i] == 5e-4 * i);
+}
+
+static void *copy_bytes(const void *from, size_t bytes) {
+  void *to = malloc(bytes);
+  assert_non_null(to);
+  return memcpy(to, from, bytes);
+}
+
+static void check_rows(const msim_scene *scene, int pins) {
+  set_failure(-1, -1);
+  record(scene, 1, (recorded_run){.path = "one.memory", .steps = 20, .pins = pins});
+  const size_t n = FRAMES * 3 * (size_t)file.n, cells = FRAMES * (size_t)file.ncells;
+  double *x = copy_bytes(file.x, n * sizeof *x), *v = copy_bytes(file.v, n * sizeof *v);
+  float *strain = copy_bytes(file.strain, cells * sizeof *strain),
+        *tension = copy_bytes(file.tension, cells * sizeof *tension),
+        *reaction = copy_bytes(file.reaction, n * sizeof *reaction);
+  assert_int_equal(file.committed, FRAMES);
+  for (int32_t ranks = 2; ranks <= MOST_RANKS; ranks++) {
     set_failure(-1, -1);
-    record(scene, n, (recorded_run){.path = "several.memory", .steps = 20, .asks = n % 2});
-    assert_int_equal(file.committed, FRAMES);
-    assert_memory_equal(file.x, x, numbers * sizeof *x);
-    assert_memory_equal(file.v, v, numbers * sizeof *v);
+    record(scene, ranks,
+           (recorded_run){.path = "several.memory", .steps = 20, .asks = ranks % 2, .pins = pins});
+    check_calls(ranks);
+    assert_memory_equal(file.x, x, n * sizeof *x);
+    assert_memory_equal(file.v, v, n * sizeof *v);
     assert_memory_equal(file.strain, strain, cells * sizeof *strain);
     assert_memory_equal(file.tension, tension, cells * sizeof *tension);
-    const int calls[CALLS] = {1, n - 1, FRAMES, FRAMES * n, FRAMES, n};
-    for (int k = 0; k < CALLS; k++) assert_int_equal(file.calls[k], calls[k]);
-    assert_int_equal(file.rows, FRAMES * file.n);
-    assert_int_equal(file.cells, FRAMES * file.ncells);
-    for (int i = 0; i < FRAMES; i++)
-      assert_true(file.hash[i] == 0 - (uint64_t)n - (uint64_t)file.n && file.t[i] == 5e-4 * i);
+    assert_memory_equal(file.reaction, reaction, n * sizeof *reaction);
   }
-  free(x), free(v), free(strain), free(tension);
-  msim_scene_destroy(scene);
+  free(x), free(v), free(strain), free(tension), free(reaction);
+}
+
+static void rows_are_those_of_one_process(void **state) {
+  (void)state;
+  msim_scene *scenes[2] = {cloth_with_faces(), upright_cloth()};
+  for (int i = 0; i < 2; i++) {
+    for (int pins = 0; pins < 2; pins++) check_rows(scenes[i], pins);
+    msim_scene_destroy(scenes[i]);
+  }
 }
 
 static void one_rank_that_fails(void **state) {

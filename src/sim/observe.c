@@ -91,11 +91,9 @@ msim_status ms_sim_update_section(msim_sim *sim, msim_error *err) {
     update_state_arrays(sim);
     ms_rank_section_copy(sim->section, sim->state_x, sim->state_v);
   } else {
+    show_island(sim, sim->islands, &x, &v);
     ms_rank_section_copy(sim->section, sim->scene->x, sim->scene->v);
-    if (!sim->state_is_current) {
-      show_island(sim, sim->islands, &x, &v);
-      ms_rank_section_exchange(sim, x, v);
-    }
+    ms_rank_section_exchange(sim, x, v);
   }
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
