@@ -166,11 +166,27 @@ static void checkpoints_of_other_angles_are_refused(void **state) {
   msim_scene_destroy(scene), msim_scene_destroy(other);
 }
 
+enum { STAR = 400 };
+
+/* Supports of pinned particles exert minus the force that these had without pins. */
+static void check_reactions(msim_scene *scene, const double *force) {
+  const int32_t pins[3] = {0, 4, 9};
+  double reaction[3 * STAR];
+  const msim_options opt = options("symplectic-euler", 1e-6);
+  assert_ok(msim_scene_pin(scene, 3, pins, err));
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_int_equal(msim_sim_reactions(sim, reaction), MSIM_OK);
+  for (int i = 0; i < 3 * STAR; i++) {
+    const double expected = scene->data->pinned[i / 3] ? -force[i] : 0;
+    assert_close(reaction[i], expected, 1e-11 * (1 + fabs(force[i])));
+  }
+  msim_sim_destroy(sim);
+}
+
 /* An angular spring at a hub of many springs, some with a law, and constant forces: all act on
  * the same particles. */
 static void forces_of_all_kinds_add_up(void **state) {
   (void)state;
-  enum { STAR = 400 };
   double x[3 * STAR], mass[STAR], force[3 * STAR], there[3 * STAR];
   const double k = 3, bend = 0.7;
   const double zero[3 * STAR] = {0};
@@ -202,7 +218,9 @@ static void forces_of_all_kinds_add_up(void **state) {
     for (int i = 0; i < 3 * STAR; i++)
       assert_close(force[i], there[i], 1e-11 * (1 + fabs(there[i])));
   }
-  msim_sim_destroy(sim), msim_scene_destroy(scene);
+  msim_sim_destroy(sim);
+  check_reactions(scene, there);
+  msim_scene_destroy(scene);
 }
 
 /*------------------------------------- limits, pins, refusals -----------------------------------*/

@@ -99,7 +99,7 @@ static cell compute_spring(const ms_scene *scene, const ms_section *section, int
 static cell get_spring(const ms_strain *s, const ms_scene *scene, const ms_section *section,
                        int32_t e, const double *x) {
   const int32_t at = e - section->first_spring;
-  if (at < 0 || at >= section->nsprings) return compute_spring(scene, section, e, x);
+  if (at < 0) return compute_spring(scene, section, e, x); /* faces follow the last spring */
   return (cell){s->strain[at], s->tension[at]};
 }
 
@@ -139,11 +139,11 @@ static msim_status reserve_exact(ms_strain *s, size_t rows, const msim_allocator
 
 static void compute_reactions(ms_strain *s, const ms_scene *scene, const ms_section *section,
                               const double *x, const double *v) {
+  const double none[3] = {0};
   ms_reference_compute_reactions(scene, section, x, v, s->exact);
   for (int32_t p = 0; p < scene->nparticles; p++) {
-    const double *exact = s->exact + (scene->pinned[p] ? 3 * ms_section_row(section, p) : 0);
-    for (size_t c = 0; c < 3; c++)
-      s->reaction[3 * (size_t)p + c] = scene->pinned[p] ? to_float(exact[c]) : 0;
+    const double *exact = scene->pinned[p] ? s->exact + 3 * ms_section_row(section, p) : none;
+    for (size_t c = 0; c < 3; c++) s->reaction[3 * (size_t)p + c] = to_float(exact[c]);
   }
 }
 
