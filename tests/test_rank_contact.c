@@ -171,6 +171,23 @@ int main(void) {
 static const char *const methods[] = {LINEAR, "implicit-euler", "newmark"};
 enum { METHODS = sizeof methods / sizeof *methods };
 
+/* A tilted chain falls; its last particle, at its lower end, touches the plane at the start. */
+static msim_scene *falling_chain(void) {
+  enum { N = 30 };
+  const double at[3] = {0}, along[3] = {0, 0.6, 0}, k = 3000, rest = 0.05;
+  msim_scene *scene = new_scene();
+  for (int32_t i = 0; i < N; i++) {
+    const double x[3] = {-0.8 + rest * i, 0, 0.1 + 0.01 * (N - 1 - i)}, v[3] = {0, 0, -1},
+                 mass = 0.2 / N;
+    assert_ok(msim_scene_add_particles(scene, 1, x, v, &mass, err));
+    if (i == 0) continue;
+    assert_ok(msim_scene_add_springs(scene, 1, (int32_t[]){i - 1, i}, &k, &rest, NULL, err));
+  }
+  plane(scene, 0, 0, 1, 0.1, 0.5, 0.2);
+  add(scene, round_bar(MSIM_COLLIDER_CAPSULE, at, along, 0.2, 0.5, 0.3), 0);
+  return scene;
+}
+
 /* Colliders and planes at rest */
 static void small_bodies(void **state) {
   (void)state;
@@ -178,6 +195,7 @@ static void small_bodies(void **state) {
     msim_scene *rope = stiff_body(2, 3000, 0.5, 0.3);
     plane(rope, 0, 0, 1, 0.05, 0.3, 0.2);
     check_scene("rope", rope, methods[m], FINE, 1);
+    check_scene("falling chain", falling_chain(), methods[m], FINE, 1);
     check_scene("jelly", stiff_body(3, 3000, 0.5, 0.3), methods[m], FINE, 1);
   }
 }
