@@ -87,7 +87,7 @@ class Loader(CliTest):
         recipe = (support.SOURCE / "packaging/conda/meta.yaml").read_text()
         debian = (support.SOURCE / "tests/install/test_debian.py").read_text()
         pip = (support.SOURCE / "tools/python/cholmod/pyproject.toml").read_text()
-        for solver in ("cholmod", "klu", "sundials-pcg"):
+        for solver in ("cholmod", "klu", "petsc", "sundials-pcg"):
             code, err = self.attempt(solver, LD_LIBRARY_PATH=str(self.folder))
             self.assertEqual(code, 1)
             self.assert_sentence(err, f"msim_backend_{solver}.so was not found in {self.folder}/")
@@ -95,7 +95,7 @@ class Loader(CliTest):
             for name in built[1].split():
                 self.assertRegex(packages, rf"(?m)^{name} +(plugins|tests) ")
             for name in built[2].split():
-                self.assertRegex(recipe, rf"(?m)^    - {name}( |$)")
+                self.assertRegex(recipe, rf'(?m)(^    - |, "){name}[ "\n]')
             made = re.search(r"its package, (\S+) \(apt\)(?:,| or) libmsim-(\S+) \(conda\)(.*?), or", err)
             self.assertIn(f'"{made[1]}"', debian)
             self.assertIn(f'("{made[2]}", ', recipe)

@@ -12,7 +12,7 @@ MS_REGISTRY_ENTRIES(msim_comm_entry_fn, MSIM_LINKED_COMMS)
 #undef X
 
 static const ms_registry_plugin known[] = {
-    {.name = "mpi", .plugin = "mpi", .debian = "libopenmpi-dev"}, {NULL}};
+    {.name = "mpi", .plugin = "mpi", .debian = "libopenmpi-dev", .conda = "openmpi"}, {NULL}};
 
 static const ms_registry_member required_of_type[] = {
     MS_REGISTRY_MEMBER(msim_comm_type, name),    MS_REGISTRY_MEMBER(msim_comm_type, library),

@@ -89,17 +89,11 @@ typedef struct remedy {
 static remedy describe_packages(const ms_registry_plugin *known) {
   remedy r = {""};
   if (!known || !known->plugin) return r;
-  if (!known->conda)
-    snprintf(r.text, sizeof r.text,
-             "; or install its package, libmsim0-%s (apt), or build msim after 'apt install %s'",
-             known->plugin, known->debian);
-  else
-    snprintf(
-        r.text, sizeof r.text,
-        "; or install its package, libmsim0-%s (apt)%s libmsim-%s (conda)%s%s%s, or build msim "
-        "after 'apt install %s' or 'conda install %s'",
-        known->plugin, known->pip ? "," : " or", known->plugin, known->pip ? " or " : "",
-        known->pip ? known->pip : "", known->pip ? " (pip)" : "", known->debian, known->conda);
+  snprintf(r.text, sizeof r.text,
+           "; or install its package, libmsim0-%s (apt)%s libmsim-%s (conda)%s%s%s, or build msim "
+           "after 'apt install %s' or 'conda install %s'",
+           known->plugin, known->pip ? "," : " or", known->plugin, known->pip ? " or " : "",
+           known->pip ? known->pip : "", known->pip ? " (pip)" : "", known->debian, known->conda);
   return r;
 }
 

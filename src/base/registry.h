@@ -13,8 +13,7 @@ typedef struct ms_registry_plugin {
                                    between; NULL: it is found by name only */
   const char *plugin;         /* its packages are libmsim0-PLUGIN (Debian), libmsim-PLUGIN (conda);
                                    NULL: it is built in, or part of msim */
-  const char *debian, *conda; /* the packages from which it is built, a space between; conda: NULL
-                                 if its recipe does not have it */
+  const char *debian, *conda; /* the packages from which it is built, a space between */
   const char *pip;            /* its package of PyPI; NULL: that of msim contains it */
   int has_no_table;           /* 1: part of msim, and not found here */
 } ms_registry_plugin;

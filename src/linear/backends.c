@@ -33,7 +33,7 @@ static const ms_registry_plugin known[] = {
      .plugin = "klu",
      .debian = "libsuitesparse-dev libsundials-dev",
      .conda = "libklu sundials"},
-    {.name = "petsc", .plugin = "petsc", .debian = "petsc-dev"},
+    {.name = "petsc", .plugin = "petsc", .debian = "petsc-dev", .conda = "petsc openmpi"},
     {.name = "sundials-pcg", SUNDIALS},
     {.name = "sundials-spgmr", SUNDIALS},
     {.name = "sundials-spfgmr", SUNDIALS},

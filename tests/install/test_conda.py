@@ -18,7 +18,9 @@ import yaml
 RECIPE = support.SOURCE / "packaging/conda"
 WORK = support.SOURCE / "build/recipes/conda"
 OUTPUTS = ["libmsim", "libmsim-assimp", "libmsim-cholmod", "libmsim-hdf5", "libmsim-klu",
-           "libmsim-sundials", "msim", "py-msim"]
+           "libmsim-mpi", "libmsim-petsc", "libmsim-sundials", "msim", "py-msim"]
+ALONE = {"libmsim-mpi": "lib/msim/msim_comm_mpi.so",  # not from the build of the others
+         "libmsim-petsc": "lib/msim/msim_backend_petsc.so"}
 
 
 def project_version():
@@ -128,10 +130,12 @@ class Recipe(unittest.TestCase):
         whole = WORK / "whole"
         support.run("cmake", "--install", self.source / "build", "--prefix", whole)
         expected = {file for file in files(whole) if file.parts[:2] != ("libexec", "msim")}
-        packed = [file for name, built in self.built.items() if name != "py-msim"
+        packed = [file for name, built in self.built.items() if name not in ("py-msim", *ALONE)
                   for file in built.added()]
         self.assertEqual(len(packed), len(set(packed)))
         self.assertEqual(set(packed), expected)
+        for name, file in ALONE.items():
+            self.assertEqual(self.built[name].added(), {Path(file)})
         modules = {file for file in self.built["py-msim"].added() if "msim" in str(file)}
         self.assertEqual(modules, self.built["py-msim"].added())
 

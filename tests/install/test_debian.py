@@ -15,10 +15,12 @@ PACKAGES = sorted((TOP / "build" / "packages").glob("*.deb"))
 NAMES = ["libmsim-dev", "libmsim0", "libmsim0-assimp", "libmsim0-cholmod", "libmsim0-hdf5",
          "libmsim0-klu", "libmsim0-mpi", "libmsim0-petsc", "libmsim0-sundials", "msim"]
 PLUGINS = {"cholmod": "--solver cholmod --out a.csv", "hdf5": "--solver pcg --out a.vtkhdf",
-           "klu": "--solver klu --out a.csv", "petsc": "--solver petsc --out a.csv",
-           "sundials": "--solver sundials-pcg --out a.csv"}
-RUN = ("cd /tmp; rm -f a.*; msim_cli run /usr/share/msim/scenes/hanging_cloth.json --t_end 0.2"
-       " --integrator linearly-implicit-euler --h 0.01 --quiet {}; test -s a.*")
+           "klu": "--solver klu --out a.csv", "mpi": "--solver pcg --out a.csv",
+           "petsc": "--solver petsc --out a.csv", "sundials": "--solver sundials-pcg --out a.csv"}
+BESIDES = {"mpi": ["openmpi-bin"]}  # recommended by the plugin's package
+RUN = ("cd /tmp; rm -f a.*; {start} msim_cli run /usr/share/msim/scenes/hanging_cloth.json --t_end 0.2"
+       " --integrator linearly-implicit-euler --h 0.01 --quiet {options}; test -s a.*")
+MPIRUN = "mpirun --allow-run-as-root --oversubscribe -n 2"
 QUIET = {**os.environ, "DEBIAN_FRONTEND": "noninteractive", "LC_ALL": "C.UTF-8"}
 
 
@@ -67,7 +69,7 @@ class Packages(unittest.TestCase):
 
     def test_2_programs_run(self):
         self.assertEqual(self.available(), set(PLUGINS))
-        inside(RUN.format("--solver cholmod --out a.vtkhdf"))
+        inside(RUN.format(start="", options="--solver cholmod --out a.vtkhdf"))
         inside("test -s /usr/share/man/man1/msim_cli.1; test -s /usr/share/msim/scene.schema.json")
 
     def test_3_a_program_is_built(self):
@@ -81,12 +83,12 @@ class Packages(unittest.TestCase):
     def test_5_each_plugin_alone(self):
         for plugin, options in PLUGINS.items():
             with self.subTest(plugin):
-                names = ["libmsim0", "msim", f"libmsim0-{plugin}"]
+                names, besides = ["libmsim0", "msim", f"libmsim0-{plugin}"], BESIDES.get(plugin, [])
                 inside("cd /tmp/packages; apt-get install -y --no-install-recommends "
-                       + " ".join(f"./{name}_*.deb" for name in names))
+                       + " ".join([f"./{name}_*.deb" for name in names] + besides))
                 self.assertEqual(self.available(), {plugin})
-                inside(RUN.format(options))
-                self.purge(*names)
+                inside(RUN.format(start=MPIRUN if plugin == "mpi" else "", options=options))
+                self.purge(*names, *besides)
 
     def available(self):
         """The plugins that msim_cli lists as available."""

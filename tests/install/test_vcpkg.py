@@ -15,7 +15,7 @@ HERE = Path(__file__).resolve().parent
 PORT = support.SOURCE / "packaging/vcpkg/msim"
 WORK = support.SOURCE / "build/recipes/vcpkg"
 MANIFEST = json.loads((PORT / "vcpkg.json").read_text())
-PLUGINS = {"assimp", "cholmod", "hdf5", "klu", "sundials"}
+PLUGINS = {"assimp", "cholmod", "hdf5", "klu", "mpi", "sundials"}
 
 
 def build_port(linkage, *features):
@@ -87,14 +87,14 @@ class Port(unittest.TestCase):
         self.assertFalse((package / "tools").exists())
         linked = (package / "lib/pkgconfig/msim.pc").read_text()
         for plugin in PLUGINS:
-            self.assertEqual(plugin in linked, plugin != "cholmod", plugin)
+            self.assertEqual(plugin in linked, plugin not in ("cholmod", "mpi"), plugin)
         self.use(package, "klu", "sundials-pcg")
 
     def test_dynamic(self):
-        package = build_port("dynamic", "cholmod", "tools")
+        package = build_port("dynamic", "cholmod", "mpi", "tools")
         self.check_package(package)
         self.assertFalse(list(package.rglob("*.a")))
-        self.assertEqual(available(package), {"cholmod"})
+        self.assertEqual(available(package), {"cholmod", "mpi"})
         self.use(package, "cholmod")
 
 

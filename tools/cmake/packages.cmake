@@ -36,6 +36,7 @@ foreach(plugin IN LISTS plugins)
   set(CPACK_COMPONENT_${key}_DESCRIPTION "mass-spring systems: the plugin ${plugin}")
   set(CPACK_COMPONENT_${key}_DEPENDS lib)
 endforeach()
+set(CPACK_DEBIAN_MPI_PACKAGE_RECOMMENDS openmpi-bin) # mpirun
 set(CPACK_COMPONENT_CHOLMOD_DESCRIPTION
     "mass-spring systems: the plugin cholmod, whose library is under the GPL")
 include(CPack)

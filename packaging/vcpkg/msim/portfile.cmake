@@ -3,7 +3,7 @@
 get_filename_component(SOURCE_PATH "${CURRENT_PORT_DIR}/../../.." ABSOLUTE)
 
 set(backends none)
-foreach(plugin IN ITEMS assimp cholmod hdf5 klu sundials)
+foreach(plugin IN ITEMS assimp cholmod hdf5 klu mpi sundials)
   if(plugin IN_LIST FEATURES)
     string(APPEND backends ",${plugin}")
   endif()
