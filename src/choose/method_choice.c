@@ -214,12 +214,10 @@ static msim_status try_controlled(ms_pilot_run *p, double least, ms_candidate *c
 }
 
 /* Where nothing but the motion decides on steps, fixed ones of dop853 cost little less than those
- * that its error control has chosen: mostly they need not be tried. */
-static void expect_fixed_steps(const ms_pilot_run *p, const ms_candidate *controlled,
-                               ms_candidate *fixed) {
-  const double SAVING = 0.8;
+ * of h that its error control has chosen: mostly they need not be tried. */
+static void expect_fixed_steps(const ms_pilot_run *p, double h, ms_candidate *fixed) {
   if (p->planes_count || fixed->tried || fixed->rejection) return;
-  fixed->h = fmin(fixed->h, controlled->h / SAVING);
+  fixed->h = fmin(fixed->h, h / 0.8);
   set_cost(p, EIGHTH, fixed);
 }
 
@@ -230,10 +228,12 @@ static int most_promising(const ms_pilot_run *p, const ms_candidate *c) {
   return best;
 }
 
-static double least_tried_cost(const ms_candidate *c) {
+/* The least cost of the others; those still on trial may cost twice what is expected. */
+static double least_tried_cost(const ms_pilot_run *p, int but, const ms_candidate *c) {
   double least = INFINITY;
   for (int i = 0; i < MS_CANDIDATES; i++)
-    if (c[i].tried) least = fmin(least, c[i].cost_rate);
+    if (i != but && (c[i].tried || c[i].error > 0))
+      least = fmin(least, (c[i].tried ? 1 : 2) * expected_cost(p, i, &c[i]));
   return least;
 }
 
@@ -243,16 +243,13 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
   double most[MS_CANDIDATES];
   int tries[MS_CANDIDATES] = {0};
   msim_status status = MSIM_OK;
-  for (int i = 0; i < MS_CANDIDATES; i++) {
-    init_candidate(p, i, &c[i]);
-    most[i] = c[i].h;
-  }
+  for (int i = 0; i < MS_CANDIDATES; i++) init_candidate(p, i, &c[i]), most[i] = c[i].h;
   for (s->best = most_promising(p, c); !status && !c[s->best].tried;
        s->best = most_promising(p, c)) {
     const int i = s->best;
-    status = i == ERROR_CONTROLLED ? try_controlled(p, least_tried_cost(c), &c[i], err)
+    status = i == ERROR_CONTROLLED ? try_controlled(p, least_tried_cost(p, i, c), &c[i], err)
                                    : try_candidate_step(p, i, &c[i], &most[i], err);
-    if (i == ERROR_CONTROLLED) expect_fixed_steps(p, &c[i], &c[EIGHTH]);
+    if (i == ERROR_CONTROLLED) expect_fixed_steps(p, c[i].h, &c[EIGHTH]);
     c[i].tried |= ++tries[i] == PATIENCE;
   }
   for (int i = 0; i < MS_CANDIDATES; i++)
@@ -420,8 +417,7 @@ static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_erro
 
 /* Rounding may be larger than tol, and the number of trials is limited. */
 static void warn_of_error(const msim_sim *sim, const ms_candidate *c, double tol) {
-  const double MUCH = 10;
-  if (c->error_control || !(c->error > MUCH * tol)) return;
+  if (c->error_control || !(c->error > 10 * tol)) return;
   ms_sim_warn(sim,
               "integrator 'auto': none of the methods tried keeps tol = %g in this scene; the "
               "error of the chosen one, %s, may reach %.2g; use a larger tol",
@@ -468,13 +464,12 @@ static void archive_candidate(ms_archive *b, int i, ms_candidate *c) {
   for (int k = 0; k < 4; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
   for (int k = 0; k < 3; k++) MS_ARCHIVE_TRANSFER(b, *flags[k]);
   MS_ARCHIVE_TRANSFER(b, c->collision);
-  ms_archive_check(b,
-                   c->rejection >= 0 && c->rejection < MS_REASON_COUNT &&
-                       c->error_control == (i == IMPLICIT || i == ERROR_CONTROLLED),
-                   "the choice of a method");
-  ms_archive_check(b,
-                   c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT,
-                   "the choice of a method");
+  ms_archive_check(
+      b,
+      c->rejection >= 0 && c->rejection < MS_REASON_COUNT &&
+          c->error_control == (i == IMPLICIT || i == ERROR_CONTROLLED) &&
+          (c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT),
+      "the choice of a method");
 }
 
 /* Impacts can be located by methods that have v and all forces at the same time. */
