@@ -292,7 +292,10 @@ static void bad_members_are_refused(void **state) {
   REFUSE(fill, 1e-320, "mesh.fill is 9.99989e-321 m: more than 715827882 points");
   REFUSE(law, 1, "mesh.law is 1; the scene has laws 0");
   REFUSE(npinned, 1, "mesh.pinned is NULL");
-  REFUSE(file, "no/such.file", "mesh.file: no/such.file: no importer reads such files");
+  REFUSE(file, "no/such.file",
+         "mesh.file: no/such.file: no importer reads such files; meshes are .obj, .stl, .ply, "
+         ".gltf or "
+         ".glb files: unknown importer 'file': ");
   msim_mesh pinning = mesh;
   pinning.npinned = 1, pinning.pinned = pinned;
   assert_refused(s, msim_scene_add_mesh(s, &pinning, err),

@@ -131,17 +131,101 @@ static msim_status check_file(const msim_host *host, const char *path) {
   return MSIM_ERR_IO;
 }
 
+/* Fail with the reason of libassimp, in one line without a full stop. */
+static msim_status fail_import(const msim_host *host) {
+  char why[400];
+  snprintf(why, sizeof why, "%s", aiGetErrorString());
+  why[strcspn(why, "\r\n")] = '\0';
+  for (size_t n = strlen(why); n > 0 && strchr(". ", why[n - 1]); n--) why[n - 1] = '\0';
+  host->fail(host, "libassimp cannot read it: %s", *why ? why : "it gives no reason");
+  return MSIM_ERR_ARG;
+}
+
+/* libassimp 5.2 reads a header of PLY forever if it does not understand a line, or if the end is
+ * missing. 1: all lines are of its language; sets *nfaces to the number of faces that it states. */
+static int is_ply_header(FILE *file, unsigned *nfaces) {
+  static const char *const words[] = {"ply", "format", "comment", "obj_info", "element"};
+  static const char types[] =
+      " char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32 float32 "
+      "float64 ";
+  char line[512], first[16], type[16], padded[24];
+  while (fgets(line, sizeof line, file)) {
+    int known = 0, nwords = sscanf(line, "%15s %15s %*s", first, type);
+    if (nwords < 1 || !strchr(line, '\n')) return 0;
+    if (strcmp(first, "end_header") == 0) return 1;
+    if (sscanf(line, " element face %u", nfaces) == 1) continue;
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++) known |= !strcmp(first, words[i]);
+    snprintf(padded, sizeof padded, " %s ", nwords > 1 ? type : "?");
+    if (strcmp(first, "property") == 0)
+      known = strcmp(padded, " list ") == 0 || strstr(types, padded) != NULL;
+    if (!known) return 0;
+  }
+  return 0;
+}
+
+static msim_status check_ply(const msim_host *host, const char *path, unsigned *nfaces) {
+  char start[4] = "";
+  FILE *file = fopen(path, "rb");
+  const int is_ply = file && fread(start, 1, 3, file) == 3 && strncmp(start, "ply", 3) == 0;
+  if (is_ply) rewind(file);
+  const int is_good = !is_ply || is_ply_header(file, nfaces);
+  if (file) fclose(file);
+  if (is_good) return MSIM_OK;
+  host->fail(host, "its header of PLY is damaged or has no end");
+  return MSIM_ERR_ARG;
+}
+
+/* What the triangulation of libassimp takes for granted. Of a truncated PLY file it returns the faces
+ * that are there; stated: the number in its header, 0: none. */
+static msim_status check_faces(const msim_host *host, const struct aiScene *scene,
+                               unsigned stated) {
+  unsigned count = 0;
+  for (unsigned m = 0; m < scene->mNumMeshes; m++) {
+    const struct aiMesh *mesh = scene->mMeshes[m];
+    count += mesh->mNumFaces;
+    for (unsigned f = 0; f < mesh->mNumFaces; f++) {
+      const struct aiFace *face = &mesh->mFaces[f];
+      int is_good = mesh->mVertices && face->mNumIndices > 0 && face->mIndices;
+      for (unsigned i = 0; is_good && i < face->mNumIndices; i++)
+        is_good = face->mIndices[i] < mesh->mNumVertices;
+      if (is_good) continue;
+      host->fail(host, "face %u has no corners, or one that is no vertex: the file is damaged", f);
+      return MSIM_ERR_ARG;
+    }
+  }
+  if (count >= stated) return MSIM_OK;
+  host->fail(host, "it has %u faces, and its header states %u: the file is truncated", count,
+             stated);
+  return MSIM_ERR_ARG;
+}
+
+/* NULL: refused, and *status is set. */
+static const struct aiScene *import(const msim_host *host, const char *path, unsigned stated,
+                                    msim_status *status) {
+  const struct aiScene *scene = aiImportFile(path, 0);
+  if (!scene) {
+    *status = fail_import(host);
+    return NULL;
+  }
+  *status = check_faces(host, scene, stated);
+  if (*status) {
+    aiReleaseImport(scene);
+    return NULL;
+  }
+  scene = aiApplyPostProcessing(scene, aiProcess_Triangulate);
+  if (!scene) *status = fail_import(host);
+  return scene;
+}
+
 static msim_status load(const msim_host *host, const char *path, const msim_tree *tree) {
+  unsigned nfaces = 0;
   msim_status status = check_file(host, path);
+  if (!status) status = check_ply(host, path, &nfaces);
   if (status) return status;
   host->lock(host);
-  const struct aiScene *scene = aiImportFile(path, aiProcess_Triangulate);
-  if (!scene) {
-    host->fail(host, "libassimp cannot read it: %s", aiGetErrorString());
-    status = MSIM_ERR_ARG;
-  }
+  const struct aiScene *scene = import(host, path, nfaces, &status);
   host->unlock(host);
-  if (status) return status;
+  if (!scene) return status;
   if (scene->mRootNode) status = add_arrays(host, scene, tree);
   else {
     host->fail(host, "it contains no nodes");

@@ -43,12 +43,12 @@ msim_status ms_mesh_file_read(const msim_allocator *alloc, const char *path, ms_
   msim_error why;
   *mesh = (ms_mesh_arrays){0};
   msim_status status = ms_importers_find(path, alloc, &importer, &why);
-  if (!status && !importer)
-    status = ms_error_set(&why, MSIM_ERR_ARG,
-                          "no importer reads such files; meshes are .obj, "
-                          ".stl, .ply, .gltf or .glb files%s%s",
-                          *why.text ? ": " : "", why.text);
   if (status) return ms_error_set(err, status, "%s: %s", path, why.text);
+  if (!importer)
+    return ms_error_set(err, MSIM_ERR_ARG,
+                        "%s: no importer reads such files; meshes are .obj, .stl, .ply, .gltf or "
+                        ".glb files%s%s",
+                        path, *why.text ? ": " : "", why.text);
   status = read_mesh(&in, importer, path, mesh);
   ms_import_nodes_free(&in);
   return status;

@@ -1,8 +1,9 @@
-#define _POSIX_C_SOURCE 200809L /* fork, strsignal */
+#define _XOPEN_SOURCE 700 /* fork, strsignal, setrlimit */
 #include "scene_precheck.h"
 
 #include <stdio.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -10,6 +11,8 @@
 #include "../common/files.h"
 #include "../common/message.h"
 #include "msim/msim.h"
+
+enum { MOST_SECONDS = 120 }; /* of CPU time: damaged files may be read forever */
 
 /* 1: the text "mesh" occurs in the file, with its quotes. A pipe can be read only once. */
 static int mentions_mesh(const char *path) {
@@ -29,7 +32,10 @@ int precheck_scene(const char *path) {
   if (!is_hdf5 && !mentions_mesh(path)) return EXIT_OK;
   const pid_t child = fork();
   if (child == 0) {
+    const struct rlimit seconds = {MOST_SECONDS, MOST_SECONDS};
     msim_scene *scene;
+    setrlimit(RLIMIT_CPU, &seconds);
+    if (!freopen("/dev/null", "w", stderr)) fclose(stderr); /* of failed assertions in libraries */
     msim_scene_load(NULL, path, &scene, NULL);
     _exit(EXIT_OK); /* the parent reports errors of the scene */
   }
