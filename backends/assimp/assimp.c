@@ -175,8 +175,8 @@ static msim_status check_ply(const msim_host *host, const char *path, unsigned *
   return MSIM_ERR_ARG;
 }
 
-/* What the triangulation of libassimp takes for granted. Of a truncated PLY file it returns the faces
- * that are there; stated: the number in its header, 0: none. */
+/* What the triangulation of libassimp takes for granted. Of a truncated PLY file it returns the
+ * faces that are there; stated: the number in its header, 0: none. */
 static msim_status check_faces(const msim_host *host, const struct aiScene *scene,
                                unsigned stated) {
   unsigned count = 0;
