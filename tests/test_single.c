@@ -38,7 +38,7 @@ static void make_scene(const kind *k, double shift, sweep_test *t) {
   unsigned seed = 17;
   for (int i = 0; i < 3 * N; i++) {
     const int flat = k->planar && i % 3 == 2;
-    t->x[i] = flat ? 0 : shift + uniform(&seed), t->v[i] = flat ? 0 : uniform(&seed) - 0.5;
+    t->x[i] = flat ? 0 : shift + uniform(&seed) / 3, t->v[i] = flat ? 0 : uniform(&seed) / 3 - 0.1;
     force[i] = flat ? 0 : uniform(&seed), mass[i / 3] = 0.1 + uniform(&seed);
   }
   t->v[3 * PINNED] = t->v[3 * PINNED + 1] = t->v[3 * PINNED + 2] = 0;
@@ -144,7 +144,7 @@ static void check_forces(const sweep_test *t, const sum *sums) {
       const double off = fabs((double)(t->vec[2][at] - f));
       if (!(off <= U * (double)want->scale * (12 + want->terms)))
         fail_msg("row %d: the force %Lg is off by %g, scale %Lg", r, f, off, want->scale);
-      assert_close(t->vec[3][at] * t->model.mass[r], t->vec[2][at], 4 * U * fabs(t->vec[2][at]));
+      assert_close(t->vec[3][at] * t->model.mass[r], t->vec[2][at], 4 * U * fabsf(t->vec[2][at]));
       const double v = t->vec[1][at] + 1e-3 * t->vec[3][at];
       assert_close(t->vec[4][at], v, 4 * U * (fabs(v) + 1));
       assert_close(t->vec[5][at], t->vec[0][at] + 1e-3 * t->vec[4][at], 4 * U);
@@ -230,7 +230,30 @@ static void bad_numbers_are_detected(void **state) {
         *at = good;
         assert_true(ms_fused_step_run(&t.model, &sweep));
         assert_int_equal(ms_vector_find_invalid(t.model.shape, t.vec[from]), -1);
+        float *error = at + rows->dims * rows->stride; /* of a sum, as read from a checkpoint */
+        *error = bad[i];
+        assert_int_equal(ms_vector_find_invalid(t.model.shape, t.vec[from]), row);
+        *error = 0;
       }
+  tear_down(&t);
+}
+
+/* Pairs of floats have twice as many bits as floats, and padding is 0. */
+static void states_become_pairs_of_floats(void **state) {
+  (void)state;
+  sweep_test t;
+  set_up(&kinds[1], 1000, &t);
+  const ms_unknowns *rows = &t.model.unknowns;
+  const double *x = ms_single_get_x(&t.model, t.vec[0]), *v = ms_single_get_v(&t.model, t.vec[1]);
+  for (int32_t c = 0; c < rows->dims; c++)
+    for (int32_t r = 0; r < rows->stride; r++) {
+      const size_t at = (size_t)(c * rows->stride + r);
+      const int32_t p = rows->particle[r];
+      if (p < 0) assert_true(t.vec[0][at] == 0 && t.vec[1][at] == 0);
+      if (p < 0) continue;
+      assert_close(x[at], t.x[3 * p + c], U * U + 1000 * DBL_EPSILON);
+      assert_close(v[at], t.v[3 * p + c], U * U);
+    }
   tear_down(&t);
 }
 
@@ -327,6 +350,7 @@ int main(void) {
                                      cmocka_unit_test(short_springs_are_finite),
                                      cmocka_unit_test(threads_agree),
                                      cmocka_unit_test(bad_numbers_are_detected),
+                                     cmocka_unit_test(states_become_pairs_of_floats),
                                      cmocka_unit_test(sums_do_not_drift),
                                      cmocka_unit_test(vectors_of_floats_follow_the_formulas)};
   return cmocka_run_group_tests_name("single", tests, NULL, NULL);
