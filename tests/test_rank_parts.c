@@ -10,6 +10,7 @@
 #include "layout/bisection.h"
 #include "layout/halo.h"
 #include "layout/layout.h"
+#include "layout/section.h"
 #include "layout/whole_order.h"
 #include "rank_scenes.h"
 #include "ranks.h"
@@ -75,6 +76,35 @@ static void bisection_is_that_of_a_sort(void **state) {
       check_bisection(scenes[k]->data, counts[i]);
     msim_scene_destroy(scenes[k]);
   }
+}
+
+/*------------------------------------- sections -------------------------------------------------*/
+
+static double no_potential(void *data, int32_t n, const int32_t *particles, const double *x) {
+  (void)data, (void)n, (void)particles, (void)x;
+  return 0;
+}
+
+/* They follow each other, and begin where a force function gets a new batch of free particles. */
+static void sections_begin_with_batches(void **state) {
+  (void)state;
+  msim_scene *scene = random_mesh(900, 3, 0);
+  ms_scene *s = scene->data;
+  for (int has_potential = 0; has_potential < 2; has_potential++) {
+    s->force_function.potential = has_potential ? no_potential : NULL;
+    for (int32_t nranks = 1; nranks <= 16; nranks++)
+      for (int32_t r = 0, next = 0, nfree = 0; r < nranks; r++) {
+        const ms_section is = ms_section_of_rank(s, r, nranks);
+        assert_int_equal(is.first, next);
+        if (has_potential) assert_int_equal(nfree % MS_POTENTIAL_BATCH, 0);
+        assert_in_range(is.n, has_potential ? 0 : s->nparticles / nranks,
+                        s->nparticles / nranks + (has_potential ? 2 * MS_POTENTIAL_BATCH : 1));
+        for (; next < is.first + is.n; next++) nfree += !s->pinned[next];
+        assert_true(r + 1 < nranks || next == s->nparticles);
+      }
+  }
+  s->force_function.potential = NULL;
+  msim_scene_destroy(scene);
 }
 
 /*------------------------------------- parts ----------------------------------------------------*/
@@ -339,6 +369,7 @@ static void ghosts_are_as_many_as_the_model_says(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(bisection_is_that_of_a_sort),
+      cmocka_unit_test(sections_begin_with_batches),
       cmocka_unit_test(parts_are_those_of_loops_over_the_scene),
       cmocka_unit_test(ghosts_are_as_many_as_the_model_says),
   };
