@@ -26,4 +26,10 @@ msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggrega
                                  msim_error *err);
 void ms_aggregates_destroy(const ms_model *model, ms_aggregates *aggregates);
 
+/* The aggregate of a row; -1: none, as it is pinned, of another rank, or without springs */
+static inline int32_t ms_aggregates_find(const ms_model *model, const ms_aggregates *aggregates,
+                                         int32_t row) {
+  return row < model->unknowns.nfree ? aggregates->of[row] : -1;
+}
+
 #endif

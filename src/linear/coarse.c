@@ -18,9 +18,8 @@ static int32_t *list_links(const ms_model *model, const ms_aggregates *a, int32_
   for (int32_t i = a->first[k]; i < a->first[k + 1]; i++) {
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, a->unknown[i]);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t j = half_edges->neighbour[at];
-      if (half_edges->spring[at] < 0 || j >= model->unknowns.nfree) continue;
-      const int32_t other = a->of[j];
+      if (half_edges->spring[at] < 0) continue;
+      const int32_t other = ms_aggregates_find(model, a, half_edges->neighbour[at]);
       if (other >= 0 && mark[other] != k) mark[other] = k, *next++ = other;
     }
   }
@@ -39,45 +38,63 @@ static msim_status keep_modes(const ms_model *model, ms_coarse *coarse, msim_err
   return MSIM_OK;
 }
 
+/* List the aggregates that springs connect with each one. ind NULL: write ptr only. mark, list:
+ * scratch, n */
+static void list_graph(const ms_model *model, const ms_aggregates *a, int32_t *mark, int32_t *list,
+                       ms_sparse_graph *graph) {
+  for (int32_t k = 0; k < a->n; k++) mark[k] = -1;
+  for (int32_t k = 0; k < a->n; k++) {
+    int32_t *to = graph->ind ? graph->ind + graph->ptr[k] : list;
+    graph->ptr[k + 1] = graph->ptr[k] + (int32_t)(list_links(model, a, k, mark, to) - to);
+  }
+}
+
 static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = coarse->aggregates.n;
   ms_sparse_graph graph = {.n = n};
-  int32_t *mark = NULL;
-  const int fits =
-      MS_NEW(alloc, graph.ptr, (size_t)n + 1) && MS_NEW(alloc, mark, n) &&
-      MS_NEW(alloc, graph.ind, 2 * (size_t)model->springs.n + 6 * (size_t)model->angles.n);
-  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the coarse matrix");
-  int32_t *next = graph.ind;
-  for (int32_t k = 0; !status && k < n; k++) mark[k] = -1;
-  for (int32_t k = 0; !status && k < n; k++) {
-    next = list_links(model, &coarse->aggregates, k, mark, next);
-    graph.ptr[k + 1] = (int32_t)(next - graph.ind);
-  }
-  if (!status)
-    status = ms_block_cholesky_create(alloc, &graph, MS_MODES * model->unknowns.dims, model->isa,
-                                      &coarse->chol, err);
-  MS_FREE(alloc, graph.ptr, graph.ind, mark);
+  int32_t *mark = NULL, *list = NULL;
+  int fits =
+      MS_NEW(alloc, graph.ptr, (size_t)n + 1) && MS_NEW(alloc, mark, n) && MS_NEW(alloc, list, n);
+  if (fits) list_graph(model, &coarse->aggregates, mark, list, &graph);
+  fits = fits && MS_NEW(alloc, graph.ind, graph.ptr[n]);
+  if (fits) list_graph(model, &coarse->aggregates, mark, list, &graph);
+  msim_status status =
+      fits ? ms_block_cholesky_create(alloc, &graph, MS_MODES * model->unknowns.dims, model->isa,
+                                      &coarse->chol, err)
+           : ms_error_set_memory(err, "the coarse matrix");
+  MS_FREE(alloc, graph.ptr, graph.ind, mark, list);
   return status;
 }
 
-/* Of the two half-edges of a spring, that of the aggregate eliminated later contributes to the
- * off-diagonal block. */
-static void find_blocks(const ms_model *model, ms_coarse *coarse) {
-  const ms_half_edges *half_edges = &model->half_edges;
-  const int32_t *of = coarse->aggregates.of, *position = coarse->chol.position;
-  for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++) coarse->block[at] = -1;
-  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
+/* Write the blocks of aggregate k from `to` on; NULL: count them only. Returns their number. */
+static int32_t list_blocks(const ms_coarse *coarse, int32_t k, int32_t *to) {
+  const ms_half_edges *half_edges = &coarse->model->half_edges;
+  const ms_aggregates *a = &coarse->aggregates;
+  int32_t n = 0;
+  for (int32_t i = a->first[k]; i < a->first[k + 1]; i++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(half_edges, a->unknown[i]);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t j = half_edges->neighbour[at];
-      if (half_edges->spring[at] < 0 || j >= model->unknowns.nfree) continue;
-      if (of[r] < 0 || of[j] < 0 || position[of[r]] <= position[of[j]]) continue;
-      coarse->block[at] = ms_block_cholesky_find(&coarse->chol, of[r], of[j]);
+      const int32_t other = ms_aggregates_find(coarse->model, a, half_edges->neighbour[at]);
+      if (half_edges->spring[at] < 0 || !ms_coarse_owns_block(coarse, k, other)) continue;
+      if (to) to[n] = ms_block_cholesky_find(&coarse->chol, k, other);
+      n++;
     }
   }
-  for (int32_t a = 0; a < coarse->aggregates.n; a++)
-    coarse->diagonal[a] = ms_block_cholesky_find(&coarse->chol, a, a);
+  return n;
+}
+
+static msim_status find_blocks(ms_coarse *coarse, msim_error *err) {
+  const msim_allocator *alloc = &coarse->model->scene->alloc;
+  const int32_t n = coarse->aggregates.n;
+  int32_t *first = coarse->first_block;
+  for (int32_t k = 0; k < n; k++) first[k + 1] = first[k] + list_blocks(coarse, k, NULL);
+  if (!MS_NEW(alloc, coarse->block, first[n])) return ms_error_set_memory(err, "the coarse matrix");
+  for (int32_t k = 0; k < n; k++) {
+    list_blocks(coarse, k, coarse->block + first[k]);
+    coarse->diagonal[k] = ms_block_cholesky_find(&coarse->chol, k, k);
+  }
+  return MSIM_OK;
 }
 
 msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_coarse *coarse,
@@ -91,12 +108,11 @@ msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_c
   if (!status) status = analyse(model, coarse, err);
   if (status) return status;
   const size_t n = (size_t)coarse->aggregates.n * MS_MODES * (size_t)model->unknowns.dims;
-  if (!MS_NEW(alloc, coarse->block, MS_SLICE * (size_t)model->half_edges.nentries) ||
+  if (!MS_NEW(alloc, coarse->first_block, (size_t)coarse->aggregates.n + 1) ||
       !MS_NEW(alloc, coarse->diagonal, coarse->aggregates.n) || !MS_NEW(alloc, coarse->r, n) ||
       !MS_NEW(alloc, coarse->z, n))
     return ms_error_set_memory(err, "the coarse matrix");
-  find_blocks(model, coarse);
-  return MSIM_OK;
+  return find_blocks(coarse, err);
 }
 
 void ms_coarse_destroy(ms_coarse *coarse) {
@@ -105,8 +121,8 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   ms_aggregates_destroy(coarse->model, &coarse->aggregates);
   ms_restriction_destroy(coarse->model, &coarse->restriction);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
-  MS_FREE(alloc, coarse->block, coarse->diagonal, coarse->r, coarse->z, coarse->modes,
-          coarse->constrained);
+  MS_FREE(alloc, coarse->first_block, coarse->block, coarse->diagonal, coarse->r, coarse->z,
+          coarse->modes, coarse->constrained);
   *coarse = (ms_coarse){0};
 }
 

@@ -15,8 +15,9 @@ typedef struct ms_coarse {
   ms_aggregates aggregates;
   ms_restriction restriction;
   ms_block_cholesky chol;
-  int32_t *block;       /* 8 halves.nslots: the off-diagonal block to which a half-edge contributes;
-                     -1: none, or the opposite half-edge contributes to it */
+  int32_t *first_block; /* aggregates.n + 1: the range of each aggregate in `block` */
+  int32_t *block; /* the off-diagonal blocks to which half-edges of the aggregate contribute, in the
+                     order of its unknowns: those of ms_coarse_owns_block() only */
   int32_t *diagonal;    /* aggregates.n: the index of each diagonal block */
   int drops_negative_t; /* 1: in the present matrix t < 0 counts as 0 */
   double *r, *z;        /* coarse vectors */
@@ -26,6 +27,12 @@ typedef struct ms_coarse {
   int is_constrained_more; /* 1: by ms_coarse_constrain_more() */
   const struct ms_coarse_kernels *kernels;
 } ms_coarse;
+
+/* 1: half-edges of aggregate `own` to `other` (-1: none) contribute to an off-diagonal block: of
+ * the two half-edges of a spring, that of the aggregate eliminated later does. */
+static inline int ms_coarse_owns_block(const ms_coarse *coarse, int32_t own, int32_t other) {
+  return other >= 0 && coarse->chol.position[own] > coarse->chol.position[other];
+}
 
 msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_coarse *coarse,
                              msim_error *err);

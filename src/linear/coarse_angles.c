@@ -2,11 +2,6 @@
 
 #include "physics/angle_springs.h"
 
-/* The aggregate of a row; -1: none, or it is pinned */
-static int32_t find_aggregate(const ms_model *model, const ms_aggregates *g, int32_t row) {
-  return row < model->unknowns.nfree ? g->of[row] : -1;
-}
-
 int32_t *ms_coarse_angles_list_links(const ms_model *model, const ms_aggregates *g, int32_t k,
                                      int32_t *mark, int32_t *next) {
   const ms_angles *angles = &model->angles;
@@ -15,7 +10,7 @@ int32_t *ms_coarse_angles_list_links(const ms_model *model, const ms_aggregates 
     for (int32_t at = angles->of.first[row]; at < angles->of.first[row + 1]; at++)
       for (int c = 0; c < 3; c++) {
         const int32_t e = angles->of.item[at] / 3;
-        const int32_t other = find_aggregate(model, g, angles->row[3 * e + c]);
+        const int32_t other = ms_aggregates_find(model, g, angles->row[3 * e + c]);
         if (other >= 0 && mark[other] != k) mark[other] = k, *next++ = other;
       }
   }
@@ -43,7 +38,7 @@ static void assemble_corner(ms_coarse *coarse, const ms_coarse_matrix *a, int32_
   double element[MS_ANGLE_ELEMENT], block[3][3];
   ms_angle_springs_get_element(a->a, corner / 3, element);
   for (int c = 0; c < 3; c++) {
-    const int32_t other = find_aggregate(model, g, rows[c]);
+    const int32_t other = ms_aggregates_find(model, g, rows[c]);
     if (other < 0 || position[own] < position[other]) continue;
     const int32_t at =
         other == own ? coarse->diagonal[own] : ms_block_cholesky_find(&coarse->chol, own, other);

@@ -29,12 +29,14 @@ MS_INLINE void add_outer(size_t dims, double *block, ms_quad left, const ms_quad
 
 /* Contributions of unknown i of aggregate a, with modes w_i: to the diagonal block
  * w_i (x) (m_i w_i + sum K_ij (w_i - w_j)), where w_j = 0 outside a; to the block of a and b
- * -w_i (x) K_ij w_j for j in b. */
-MS_INLINE void assemble_unknown(size_t dims, ms_coarse *coarse, const float *coefficients,
-                                const double *inertia, int32_t row) {
+ * -w_i (x) K_ij w_j for j in b. block: the next one of the aggregate. Returns that of the next
+ * unknown. */
+MS_INLINE const int32_t *assemble_unknown(size_t dims, ms_coarse *coarse, const float *coefficients,
+                                          const double *inertia, int32_t row,
+                                          const int32_t *block) {
   const ms_model *model = coarse->model;
   const float *weight = coarse->aggregates.weight;
-  const int32_t *of = coarse->aggregates.of;
+  const int32_t aggregate = coarse->aggregates.of[row];
   const size_t area = MS_MODES * dims * MS_MODES * dims;
   const ms_quad own = ms_simd_load_float_quad(weight + MS_MODES * row);
   ms_quad sum[6];
@@ -45,26 +47,28 @@ MS_INLINE void assemble_unknown(size_t dims, ms_coarse *coarse, const float *coe
     if (model->half_edges.spring[at] < 0) continue;
     double K[6];
     spring_block(dims, coefficients, at, coarse->drops_negative_t, K);
-    const int same = j < model->unknowns.nfree && of[j] == of[row];
-    const ms_quad other =
-        ms_simd_load_float_quad(weight + MS_MODES * (same || coarse->block[at] >= 0 ? j : row));
+    const int32_t at_j = ms_aggregates_find(model, &coarse->aggregates, j);
+    const int same = at_j == aggregate, owns = ms_coarse_owns_block(coarse, aggregate, at_j);
+    const ms_quad other = ms_simd_load_float_quad(weight + MS_MODES * (same || owns ? j : row));
     const ms_quad difference = same ? own - other : own;
     for (size_t q = 0; q < ms_coefficients_diagonal_size(dims); q++) sum[q] += difference * K[q];
-    if (coarse->block[at] < 0) continue;
+    if (!owns) continue;
     ms_quad right[6];
     for (size_t q = 0; q < ms_coefficients_diagonal_size(dims); q++) right[q] = -other * K[q];
-    add_outer(dims, coarse->chol.value + area * (size_t)coarse->block[at], own, right);
+    add_outer(dims, coarse->chol.value + area * (size_t)*block++, own, right);
   }
-  add_outer(dims, coarse->chol.value + area * (size_t)coarse->diagonal[of[row]], own, sum);
+  add_outer(dims, coarse->chol.value + area * (size_t)coarse->diagonal[aggregate], own, sum);
+  return block;
 }
 
 static void assemble_aggregate(ms_coarse *coarse, const float *coefficients, const double *inertia,
                                int32_t aggregate) {
   const ms_aggregates *g = &coarse->aggregates;
+  const int32_t *block = coarse->block + coarse->first_block[aggregate];
   for (int32_t i = g->first[aggregate]; i < g->first[aggregate + 1]; i++) {
     if (coarse->model->unknowns.dims == 3)
-      assemble_unknown(3, coarse, coefficients, inertia, g->unknown[i]);
-    else assemble_unknown(2, coarse, coefficients, inertia, g->unknown[i]);
+      block = assemble_unknown(3, coarse, coefficients, inertia, g->unknown[i], block);
+    else block = assemble_unknown(2, coarse, coefficients, inertia, g->unknown[i], block);
   }
 }
 
