@@ -38,9 +38,10 @@ static void steps_have_their_order(void **state) {
   const struct {
     amplification_step *step;
     double zeta, z, order;
-  } cases[] = {{amplify_rkc, 0, 0.05, 2},   {amplify_rkc, 0.1, 0.05, 2},
-               {amplify_dop853, 0, 0.6, 8}, {amplify_dop853, 0.1, 0.6, 8},
-               {amplify_rkn6, 0, 0.3, 6},   {amplify_force_gradient, 0, 0.5, 6}};
+  } cases[] = {{amplify_rkc, 0, 0.05, 2},     {amplify_rkc, 0.1, 0.05, 2},
+               {amplify_ssprk104, 0, 0.6, 4}, {amplify_ssprk104, 0.1, 0.6, 4},
+               {amplify_dop853, 0, 0.6, 8},   {amplify_dop853, 0.1, 0.6, 8},
+               {amplify_rkn6, 0, 0.3, 6},     {amplify_force_gradient, 0, 0.5, 6}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     const double z = cases[i].z, zeta = cases[i].zeta;
     const double ratio = error_of(cases[i].step, zeta, z) / error_of(cases[i].step, zeta, z / 2);

@@ -1,11 +1,12 @@
-/* Tests of properties of takahashi-imada, force-gradient, rkc and respa besides their order:
- * conserved quantities, cost, stability. See also test_respa.c */
+/* Tests of properties of takahashi-imada, force-gradient, ssprk104, rkc and respa besides their
+ * order: conserved quantities, cost, stability, error estimate. See also test_respa.c */
 #include <complex.h>
 #include <math.h>
 #include <string.h>
 
 #include "methods/rkc.h"
 #include "scenes.h"
+#include "sim/sim.h"
 
 enum { SIDE = 5, N = SIDE * SIDE };
 
@@ -50,11 +51,8 @@ static void momentum_is_kept(void **state) {
   static const struct {
     const char *method;
     double h, ratio;
-  } runs[] = {{"takahashi-imada", 5e-4, 0},
-              {"force-gradient", 5e-4, 0},
-              {"rkc", 1e-3, 1e-3},
-              {"respa", 2.2e-3, 0},
-              {"respa", 2.2e-3, 1e-5}};
+  } runs[] = {{"takahashi-imada", 5e-4, 0}, {"force-gradient", 5e-4, 0}, {"ssprk104", 1e-4, 1e-3},
+              {"rkc", 1e-3, 1e-3},          {"respa", 2.2e-3, 0},        {"respa", 2.2e-3, 1e-5}};
   for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
     msim_scene *scene = thrown(1e5, runs[i].ratio);
     msim_options opt = options(runs[i].method, runs[i].h);
@@ -229,6 +227,38 @@ static void planes_are_refused(void **state) {
   msim_scene_destroy(scene);
 }
 
+/*------------------------------------- ssprk104 -------------------------------------------------*/
+
+/* The estimated errors of x and v after one step of h */
+static void estimate_step(double h, double error[2]) {
+  msim_scene *scene = thrown(200, 1e-3);
+  const msim_options opt = options("ssprk104", h);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  ms_stepper *s = &sim->islands->stepper;
+  double *d[2] = {ms_unknowns_new_vector(scene->data, &s->model->unknowns),
+                  ms_unknowns_new_vector(scene->data, &s->model->unknowns)};
+  sim->config.integrator->estimate(s, 0, d[0], d[1]);
+  for (int i = 0; i < 2; i++) {
+    error[i] = sqrt(ms_vector_dot(s->model->shape, d[i], d[i]));
+    ms_memory_free(&scene->data->alloc, d[i]);
+  }
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* The difference of the orders 4 and 3 is proportional to h^4. */
+static void the_estimate_of_ssprk104_has_order_3(void **state) {
+  (void)state;
+  double whole[2], half[2];
+  estimate_step(4e-4, whole);
+  estimate_step(2e-4, half);
+  for (int i = 0; i < 2; i++) {
+    print_message("  %c: half the step, 2^%.3g of the error\n", "xv"[i], log2(half[i] / whole[i]));
+    assert_close(log2(whole[i] / half[i]), 4, 0.15);
+  }
+}
+
 /*------------------------------------- rkc ------------------------------------------------------*/
 
 /* T_s and its first two derivatives at w0 > 1, by the hyperbolic formula */
@@ -349,6 +379,7 @@ int main(void) {
       cmocka_unit_test(energy_is_right_at_long_steps),
       cmocka_unit_test(new_parameters_move_nothing),
       cmocka_unit_test(planes_are_refused),
+      cmocka_unit_test(the_estimate_of_ssprk104_has_order_3),
       cmocka_unit_test(stages_hold_the_whole_strip),
       cmocka_unit_test(a_step_has_that_amplification),
       cmocka_unit_test(strong_damping_takes_few_evaluations)};

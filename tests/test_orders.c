@@ -109,6 +109,7 @@ static void damping_costs_verlet_an_order_but_not_velocity_verlet(void **state) 
   check("velocity-verlet", 0, 0.5, 0.3, 2);
   check("heun", 0, 0.5, 0.3, 2);
   check("rk4", 0, 0.5, 0.3, 4);
+  check("ssprk104", 0, 0.5, 0.3, 4);
   check("dop853", 0, 0.5, 0.3, 8);
   check("linearly-implicit-euler", 0, 0.5, 0.3, 1);
 }

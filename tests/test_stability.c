@@ -201,7 +201,8 @@ static void limits_are_the_known_ones(void **state) {
                {"velocity-verlet", 0.2, 1.75734},
                {"velocity-verlet", 1, 1},
                {"velocity-verlet", 2, 0.5},
-               {"rk4", 0, 2.82843}};
+               {"rk4", 0, 2.82843},
+               {"ssprk104", 0, 4.92145}};
   for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
     const double g = 2 * known[i].zeta * 50;
     assert_close(50 * limit_of(known[i].method, mode(50, g)), known[i].z, 6e-6);
@@ -210,7 +211,7 @@ static void limits_are_the_known_ones(void **state) {
     if (!has_limit(method_at(i))) continue;
     assert_true(isinf(limit_of(method_at(i), mode(0, 0))));
     if (!takes_positions_only(method_at(i)))
-      assert_true(limit_of(method_at(i), mode(0, 3)) < 2.2); /* dop853: 6.39 / 3 */
+      assert_true(limit_of(method_at(i), mode(0, 3)) < 4.7); /* ssprk104: 13.92 / 3 */
   }
 }
 
@@ -277,6 +278,9 @@ static void limits_are_where_motion_blows_up(void **state) {
                {"rk4", 0.5, 0, 1.05, 1000},
                {"rk4", 1.08, 0, 1.05, 1000},
                {"rk4", 0, 4, 1.05, 1000},
+               {"ssprk104", 0, 0, 1.05, 1000},
+               {"ssprk104", 0.5, 0, 1.05, 1000},
+               {"ssprk104", 0, 4, 1.05, 1000},
                {"explicit-euler", 0, 0.5, 1.05, 4000},
                {"explicit-euler", 0, 4, 1.05, 1000},
                {"heun", 0, 0.1, 1.05, 4000},

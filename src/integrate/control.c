@@ -67,11 +67,12 @@ int32_t ms_control_find_offender(const ms_integrator *integrator, ms_stepper *s)
 
 ms_control ms_control_make(const ms_integrator *integrator, double tol, double span) {
   const double GROWTH = 5, SAFETY = 0.85;
-  return (ms_control){.tol = tol,
-                      .span = span,
-                      .order = integrator->entry.order - integrator->two_estimates,
-                      .growth = integrator->growth > 0 ? integrator->growth : GROWTH,
-                      .safety = integrator->safety > 0 ? integrator->safety : SAFETY};
+  return (ms_control){
+      .tol = tol,
+      .span = span,
+      .order = integrator->entry.order - (integrator->two_estimates || integrator->low_estimate),
+      .growth = integrator->growth > 0 ? integrator->growth : GROWTH,
+      .safety = integrator->safety > 0 ? integrator->safety : SAFETY};
 }
 
 double ms_control_allowed_error(const ms_control *c, double h) { return c->tol * h / c->span; }

@@ -83,7 +83,8 @@ typedef struct ms_integrator {
   /* The method's own error estimates of the step just made, from x to x_next before reflection:
    * which = 0, the finer; 1, the coarser, if there are two. Nullable. */
   void (*estimate)(ms_stepper *s, int which, double *dx, double *dv);
-  int two_estimates; /* 1: two estimates, combined O(h^order); 0: one, O(h^(order + 1)) */
+  int two_estimates; /* 1: two estimates, combined O(h^order); 0: one */
+  int low_estimate;  /* 1: the one is O(h^order); 0: O(h^(order + 1)) */
   int chooses_steps; /* by a default tol, unless the option `steps` is given */
   double growth; /* under error control, largest ratio of a step to the one before; 0: default */
   double safety; /* ... ratio of a step to the longest that the error allows; 0: default */

@@ -13,6 +13,7 @@
   X(ms_velocity_verlet)         \
   X(ms_respa)                   \
   X(ms_rk4)                     \
+  X(ms_ssprk104)                \
   X(ms_rkc)                     \
   X(ms_takahashi_imada)         \
   X(ms_force_gradient)          \

@@ -35,6 +35,17 @@ void amplify_dop853(double zeta, double z, double y[2]) {
   }
 }
 
+/* R(z) = (1 + 18 w^5 + 6 w^10)/25, w = 1 + z/6 (Ketcheson 2008) */
+void amplify_ssprk104(double zeta, double z, double y[2]) {
+  static const double weight[3] = {1. / 25, 18. / 25, 6. / 25};
+  double now[2] = {y[0], y[1]};
+  for (int c = 0; c < 2; c++) y[c] *= weight[0];
+  for (int part = 1; part < 3; part++) {
+    for (int i = 0; i < 5; i++) apply_oscillator(zeta, 1, z / 6, now, now);
+    for (int c = 0; c < 2; c++) y[c] += weight[part] * now[c];
+  }
+}
+
 /* R(z) = 1 - b T_s(w0) + b T_s(w0 + w1 z),  w0 = 1 + (2/13)/s^2,  w1 = T_s'/T_s'', b = T_s''/T_s'^2
  * at w0 = cosh u, where T_s = cosh s u. The number of stages s is the one that the authors choose
  * for eigenvalues of modulus w max(2 zeta, 1): s^2 >= 1 + z max(2 zeta, 1)/0.653 (Sommeijer,

@@ -38,6 +38,7 @@ static const theory table[] = {
     {"respa", {2, 1.8435126, 1}, .rate = none}, /* a single spring is not split: velocity Verlet */
     {"respa", .step = amplify_respa, .undamped = 1, .soft = SOFT_STIFFNESS},
     {"rk4", {2.8284271, 2.9508500, 2.7852936}, .rate = rk4},
+    {"ssprk104", .step = amplify_ssprk104},
     {"rkc", .step = amplify_rkc},
     {"takahashi-imada", .step = amplify_takahashi_imada, .undamped = 1},
     {"force-gradient", .step = amplify_force_gradient, .undamped = 1},
@@ -76,7 +77,7 @@ static int step_amplifies(const theory *t, double zeta, double z) {
 
 /* dz is below the narrowest unstable range, that of rkn6, 9e-4. */
 static double scan_stability_limit(const theory *t, double zeta) {
-  const double furthest = 10, dz = 1e-4;
+  const double furthest = 15, dz = 1e-4;
   double z = dz;
   if (step_amplifies(t, zeta, 0.1)) return 0;
   while (z < furthest && !step_amplifies(t, zeta, z)) z += dz;
