@@ -128,24 +128,30 @@ static msim_status count_parts(ms_shape *shape, const char *subject, msim_error 
                       (long long)shape->nsprings, INT32_MAX);
 }
 
-/* Read the arrays of a file, or use those of the struct. */
-static msim_status make_parts(const msim_allocator *alloc, const msim_mesh *mesh,
-                              const char *subject, ms_mesh *m, msim_error *err) {
+static msim_status make_surface_of_file(const msim_allocator *alloc, const msim_mesh *mesh,
+                                        const char *subject, ms_surface *s, msim_error *err) {
   msim_mesh arrays = *mesh;
-  ms_mesh_arrays read = {0};
+  ms_mesh_arrays read;
   msim_error why;
-  msim_status status = MSIM_OK;
-  if (mesh->file) status = ms_mesh_file_read(alloc, mesh->file, &read, &why);
-  if (status) return ms_error_set(err, status, "%s.file: %s", subject, why.text);
-  if (mesh->file) {
+  msim_status status = ms_mesh_file_read(alloc, mesh->file, &read, &why);
+  if (status) ms_error_set(err, status, "%s.file: %s", subject, why.text);
+  else {
     arrays.nvertices = read.nvertices, arrays.vertices = read.vertices;
     arrays.nfaces = read.nfaces, arrays.faces = read.faces;
+    status = make_surface(alloc, &arrays, subject, s, &why);
+    if (status) ms_error_set(err, status, "%s.file: %s: %s", subject, mesh->file, why.text);
   }
-  status = make_surface(alloc, &arrays, subject, &m->surface, err);
   ms_mesh_file_free(alloc, &read);
-  if (!status && mesh->fill != 0)
-    status = ms_fill_create(alloc, &m->surface, mesh->fill, subject, &m->fill, err);
   return status;
+}
+
+static msim_status make_parts(const msim_allocator *alloc, const msim_mesh *mesh,
+                              const char *subject, ms_mesh *m, msim_error *err) {
+  const msim_status status = mesh->file
+                                 ? make_surface_of_file(alloc, mesh, subject, &m->surface, err)
+                                 : make_surface(alloc, mesh, subject, &m->surface, err);
+  if (status || mesh->fill == 0) return status;
+  return ms_fill_create(alloc, &m->surface, mesh->fill, subject, &m->fill, err);
 }
 
 msim_status ms_mesh_make(const msim_allocator *alloc, const msim_mesh *mesh, const char *subject,
