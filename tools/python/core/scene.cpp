@@ -152,6 +152,44 @@ static void add_lattice(Scene &s, Ints n, Doubles origin, Doubles extent, double
   check(msim_scene_add_lattice(s.p, &lattice, &err), err);
 }
 
+// file or vertices and faces: None
+static void add_mesh(Scene &s, nb::object file, nb::object vertices, nb::object faces, double scale,
+                     Doubles translate, double mass, double k, double bend, double fill,
+                     double damping, Ints pinned) {
+  msim_error err;
+  msim_mesh mesh{};
+  mesh.size = sizeof mesh;
+  std::string name;
+  Doubles x;
+  Ints corners;
+  if (!file.is_none()) {
+    name = nb::cast<std::string>(file);
+    mesh.file = name.c_str();
+  } else {
+    x = nb::cast<Doubles>(vertices), corners = nb::cast<Ints>(faces);
+    mesh.nvertices = static_cast<int32_t>(x.size() / 3), mesh.vertices = x.data();
+    mesh.nfaces = static_cast<int32_t>(corners.size() / 3), mesh.faces = corners.data();
+  }
+  mesh.scale = scale, mesh.mass = mass, mesh.k = k, mesh.bend = bend, mesh.fill = fill;
+  mesh.damping = damping;
+  copy_vector(translate, mesh.translate);
+  mesh.npinned = static_cast<int32_t>(pinned.size()), mesh.pinned = pinned.data();
+  check(msim_scene_add_mesh(s.p, &mesh, &err), err);
+}
+
+static nb::dict mesh_repairs(const Scene &s) {
+  msim_mesh_repairs r{};
+  r.size = sizeof r;
+  msim_scene_mesh_repairs(s.p, &r);
+  nb::dict d;
+  d["equal_vertices"] = r.equal_vertices, d["near_vertices"] = r.near_vertices;
+  d["unused_vertices"] = r.unused_vertices, d["degenerate_faces"] = r.degenerate_faces;
+  d["duplicate_faces"] = r.duplicate_faces, d["turned_faces"] = r.turned_faces;
+  d["flat_faces"] = r.flat_faces, d["open_edges"] = r.open_edges;
+  d["nonmanifold_edges"] = r.nonmanifold_edges;
+  return d;
+}
+
 static msim_scene_view get(const Scene &s) {
   msim_scene_view w{};
   w.size = sizeof w;
@@ -328,6 +366,9 @@ void bind_scene(nb::module_ &m) {
       .def("add_rope", add_rope)
       .def("add_cloth", add_cloth)
       .def("add_lattice", add_lattice)
+      .def("add_mesh", add_mesh, nb::arg().none(), nb::arg().none(), nb::arg().none(), nb::arg(),
+           nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg())
+      .def("mesh_repairs", mesh_repairs)
       .def("pin", pin)
       .def("save", save)
       .def("counts", counts)

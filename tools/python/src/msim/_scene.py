@@ -263,6 +263,41 @@ class Scene(Obstacles):
                                _arrays.indices("pinned", _no_names(pinned)))
         return range(first, len(self))
 
+    def add_mesh(self, vertices: ArrayLike | None = None, faces: ArrayLike | None = None, *,
+                 file: Path | None = None, scale: float = 1, translate: ArrayLike = (0, 0, 0),
+                 mass: float, k: float, bend: float = 0, fill: float | bool = False,
+                 damping: float = 0, pinned: Pinned = ()) -> range:
+        """Add a surface of triangles: vertices (n, 3) and faces (m, 3), or those of a file.
+
+        A particle at each vertex, a spring along each edge, and with bend one between the vertices
+        opposite each edge. Files: .obj, .stl, .ply, .gltf, .glb (plugin assimp); scale and
+        translate apply to them and to arrays. fill: spacing in m of a lattice inside, which makes
+        a soft body; True: a sixth of the shortest edge of the bounding box. Particles are the
+        vertices in their order, then the points of the lattice. What is merged, left out or turned
+        is counted in mesh_repairs.
+        """
+        if (file is None) == (vertices is None) or (vertices is None) != (faces is None):
+            raise ArgumentError("a mesh is vertices and faces, or a file")
+        at = None if vertices is None else _arrays.rows("vertices", vertices)
+        corners = None if faces is None else _arrays.indices("faces", faces, 3)
+        automatic = isinstance(fill, (bool, np.bool_))
+        spacing = (-1.0 if fill else 0.0) if automatic else _arrays.number("fill", fill)
+        if not automatic and not spacing > 0:
+            raise ArgumentError(f"fill must be a number > 0, True or False; found {fill!r}")
+        first = len(self)
+        self._core.add_mesh(None if file is None else _arrays.path(file), at, corners,
+                            _arrays.number("scale", scale), _arrays.vector("translate", translate),
+                            _arrays.number("mass", mass), _arrays.number("k", k),
+                            _arrays.number("bend", bend), spacing,
+                            _arrays.number("damping", damping),
+                            _arrays.indices("pinned", _no_names(pinned)))
+        return range(first, len(self))
+
+    @property
+    def mesh_repairs(self) -> dict[str, int]:
+        """What was merged, left out or turned, and what is open, in all meshes together."""
+        return self._core.mesh_repairs()
+
     # -- properties -------------------------------------------------------------------------------
 
     @property
