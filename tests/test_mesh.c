@@ -179,6 +179,25 @@ static void defects_are_repaired_and_counted(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Vertex 2 is near 0 and 1, which are not near each other: it is merged with 0, on whichever side
+ * that is. */
+static void the_first_of_near_vertices_stays(void **state) {
+  (void)state;
+  const int32_t faces[] = {0, 3, 4, 1, 3, 5, 2, 3, 5};
+  for (int run = 0; run < 24; run++) {
+    const int axis = run % 3, first = run / 3 % 2;
+    double x[18] = {[9] = 1, [13] = 1, [17] = 1};
+    x[3 * first + axis] = 2e-6, x[6 + axis] = 1e-6;
+    for (int v = 0; v < 3; v++) x[3 * v + (axis + 1) % 3] = 1e-5 * run;
+    msim_scene *scene = empty();
+    const msim_mesh mesh = make_mesh(6, x, 3, faces);
+    assert_ok(msim_scene_add_mesh(scene, &mesh, err));
+    assert_int_equal(repairs_of(scene).near_vertices, 1);
+    assert_int_equal(repairs_of(scene).duplicate_faces, 0);
+    msim_scene_destroy(scene);
+  }
+}
+
 static void flat_faces_stay(void **state) {
   (void)state;
   const double x[] = {0, 0, 0, 2, 0, 0, 1, 1e-7, 0, 1, 1, 0};
@@ -347,6 +366,7 @@ int main(void) {
                                      cmocka_unit_test(a_tetrahedron_bends_along_its_edges),
                                      cmocka_unit_test(spheres_of_single_triangles_are_joined),
                                      cmocka_unit_test(defects_are_repaired_and_counted),
+                                     cmocka_unit_test(the_first_of_near_vertices_stays),
                                      cmocka_unit_test(flat_faces_stay),
                                      cmocka_unit_test(tolerances_scale),
                                      cmocka_unit_test(one_sided_surfaces_cannot_be_filled),

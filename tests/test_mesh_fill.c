@@ -171,6 +171,30 @@ static void parts_are_joined_where_they_overlap(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Two octahedra with a narrow gap across (1, 1, 1): neighbours on diagonals of the lattice are in
+ * different parts, and no spring connects them. */
+static void no_spring_crosses_a_gap(void **state) {
+  (void)state;
+  const double one[18] = {0, 0, 1, 0, 0, -1, 1, 0, 0, 0, 1, 0, -1, 0, 0, 0, -1, 0};
+  const int32_t corners[24] = {0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 2,
+                               1, 3, 2, 1, 4, 3, 1, 5, 4, 1, 2, 5};
+  double x[36];
+  int32_t faces[48];
+  for (int i = 0; i < 18; i++) x[i] = one[i], x[18 + i] = one[i] + 0.68;
+  for (int i = 0; i < 24; i++) faces[i] = corners[i], faces[24 + i] = corners[i] + 6;
+  for (double s = 0.25; s > 0.08; s *= 0.93) {
+    msim_scene *scene = add_filled(12, x, 16, faces, s);
+    const msim_scene_view view = view_of(scene);
+    for (int32_t e = 0; e < view.nsprings; e++) {
+      double sum[2] = {0, 0};
+      for (int end = 0; end < 2; end++)
+        for (int c = 0; c < 3; c++) sum[end] += view.x[3 * view.ij[2 * e + end] + c];
+      assert_int_equal(sum[0] > 1.02, sum[1] > 1.02);
+    }
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- ties -----------------------------------------------------*/
 
 /* Each vertex of a random body is held by its nearest points: all within 1.5 spacings, at least 4.
@@ -227,6 +251,7 @@ int main(void) {
                                      cmocka_unit_test(lines_through_vertices_count_once),
                                      cmocka_unit_test(orientation_decides_on_cavities_only),
                                      cmocka_unit_test(parts_are_joined_where_they_overlap),
+                                     cmocka_unit_test(no_spring_crosses_a_gap),
                                      cmocka_unit_test(vertices_are_tied_to_the_nearest_points),
                                      cmocka_unit_test(the_spacing_follows_from_the_bounding_box)};
   return cmocka_run_group_tests(tests, NULL, NULL);
