@@ -1,4 +1,5 @@
-/* scene_check - an allocator that counts blocks and fails on demand, and assertions about scenes */
+/* scene_check - scenes to begin with, an allocator that counts blocks and fails on demand, and
+ * assertions about scenes */
 #ifndef SCENE_CHECK_H
 #define SCENE_CHECK_H
 
@@ -7,6 +8,22 @@
 
 #include "testing.h"
 #include "scene/scene.h"
+
+/*------------------------------------- scenes ---------------------------------------------------*/
+
+static inline msim_scene *make_empty_scene(void) {
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  return scene;
+}
+
+/* One particle before an object, so that indices of the object do not start at 0. */
+static inline msim_scene *make_started_scene(void) {
+  const double x[3] = {9, 9, 9}, mass = 5;
+  msim_scene *scene = make_empty_scene();
+  assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
+  return scene;
+}
 
 /*------------------------------------- memory ---------------------------------------------------*/
 

@@ -97,6 +97,20 @@ static inline msim_scene *folded_rope(int32_t n) {
   return scene;
 }
 
+/* A strut of two springs of k = 100 N/m along x, each compressed from 1.25 m to 1 m between pinned
+ * ends; the particle in the middle has this mass. */
+static inline msim_scene *compressed_strut(double mass) {
+  const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0, 0}, masses[3] = {mass, mass, mass},
+               k[2] = {100, 100}, rest[2] = {1.25, 1.25};
+  const int32_t ij[4] = {0, 1, 1, 2}, ends[2] = {0, 2};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 3, x, NULL, masses, err));
+  assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 2, ends, err));
+  return scene;
+}
+
 /* Fixed steps of h; dop853 takes them only where the number of steps is given. */
 static inline msim_options options(const char *integrator, double h) {
   msim_options opt;

@@ -217,7 +217,8 @@ static void broken_springs_are_in_checkpoints(void **state) {
   const char *method;
   for (int32_t i = 0; (method = method_at(i)) != NULL; i++) {
     if (!takes_breaking(method)) continue;
-    const int kind = i % 2 ? LAWS : PLAIN;
+    const int dissipates = strstr(method, "implicit-euler") != NULL; /* no plain spring breaks */
+    const int kind = i % 2 || dissipates ? LAWS : PLAIN;
     msim_scene *scene = breaking_cloth(NULL, method, kind, 1, NULL);
     msim_options opt = run_options(method, kind, 0);
     if (is_implicit(method)) opt.solver = "auto";

@@ -68,6 +68,7 @@ class Help(CliTest):
         self.assertRegex(out, r"(?m)^  pcg +yes ")
 
     def test_list_says_why_a_plugin_is_not_available(self):
+        support.shared_library()  # static programs have no communicator
         support.require(re.search(r"(?m)^  mpi +yes +\S+.* \d", self.good("list")), "the plugin mpi")
         (self.folder / "plugins").mkdir()
         self.write("plugins/msim_comm_mpi.so", "none")

@@ -160,14 +160,7 @@ static void nets_are_in_balance(void **state) {
  * but buckles: both springs reach their rest length. */
 static void a_strut_buckles(void **state) {
   (void)state;
-  const double x[9] = {0, 0, 0, 1, 0, 0, 2, 0, 0}, mass[3] = {1, 1, 1}, k[2] = {100, 100},
-               rest[2] = {1.25, 1.25};
-  const int32_t ij[4] = {0, 1, 1, 2}, ends[2] = {0, 2};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
-  assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
-  assert_ok(msim_scene_pin(scene, 2, ends, err));
+  msim_scene *scene = compressed_strut(1);
   const msim_options opt = options("velocity-verlet", 1e-3);
   msim_sim *sim = make_sim(scene, &opt);
   const msim_equilibrium e = settle(sim, 1e-8);

@@ -5,20 +5,6 @@
 #include "meshes.h"
 #include "scene_check.h"
 
-static msim_scene *empty(void) {
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  return scene;
-}
-
-/* One particle before the object, so that its indices do not start at 0. */
-static msim_scene *started(void) {
-  const double x[3] = {9, 9, 9}, mass = 5;
-  msim_scene *scene = empty();
-  assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
-  return scene;
-}
-
 static int has_spring(const msim_scene_view *view, int32_t i, int32_t j, double k) {
   int count = 0;
   for (int32_t e = 0; e < view->nsprings; e++)
@@ -40,7 +26,7 @@ static void a_cube_has_a_spring_along_each_edge(void **state) {
   const int32_t pinned[2] = {0, 7};
   double x[24];
   place_cube(-1, 2, x);
-  msim_scene *scene = started();
+  msim_scene *scene = make_started_scene();
   msim_mesh mesh = make_mesh(8, x, 12, cube_faces);
   mesh.npinned = 2, mesh.pinned = pinned;
   assert_ok(msim_scene_add_mesh(scene, &mesh, err));
@@ -68,7 +54,7 @@ static void bends_join_the_vertices_opposite_an_edge(void **state) {
   /* two triangles at the edge (0, 1), and a third one at the edge (1, 2) of one face */
   const double x[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, -1, 1, 2, 2, 0};
   const int32_t faces[] = {0, 1, 2, 1, 0, 3, 1, 4, 2};
-  msim_scene *scene = started();
+  msim_scene *scene = make_started_scene();
   msim_mesh mesh = make_mesh(5, x, 3, faces);
   mesh.bend = 7;
   assert_ok(msim_scene_add_mesh(scene, &mesh, err));
@@ -90,7 +76,7 @@ static void a_tetrahedron_bends_along_its_edges(void **state) {
   (void)state;
   const double x[12] = {1, 1, 1, 1, -1, -1, -1, 1, -1, -1, -1, 1};
   const int32_t faces[12] = {0, 1, 2, 0, 3, 1, 0, 2, 3, 1, 3, 2};
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   msim_mesh mesh = make_mesh(4, x, 4, faces);
   mesh.bend = 3, mesh.scale = 0.5, mesh.translate[2] = 10;
   assert_ok(msim_scene_add_mesh(scene, &mesh, err));
@@ -113,7 +99,7 @@ static void spheres_of_single_triangles_are_joined(void **state) {
   for (int i = 0; i < 60 * 64; i++) faces[i] = i;
   for (int depth = 0, n = 20; depth < 4; depth++, n *= 4) {
     assert_int_equal(make_sphere(depth, x), n);
-    msim_scene *scene = empty();
+    msim_scene *scene = make_empty_scene();
     const msim_mesh mesh = make_mesh(3 * n, x, n, faces);
     assert_ok(msim_scene_add_mesh(scene, &mesh, err));
     const msim_scene_view view = view_of(scene);
@@ -150,7 +136,7 @@ static void defects_are_repaired_and_counted(void **state) {
   faces[3] = faces[4], faces[4] = turned;
   const int32_t more[12] = {1, 9, 12, 12, 12, 3, 3, 2, 1, 2, 3, 11};
   memcpy(faces + 36, more, sizeof more);
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   const msim_mesh mesh = make_mesh(13, x, 16, faces);
   assert_ok(msim_scene_add_mesh(scene, &mesh, err));
   const msim_scene_view view = view_of(scene);
@@ -189,7 +175,7 @@ static void the_first_of_near_vertices_stays(void **state) {
     double x[18] = {[9] = 1, [13] = 1, [17] = 1};
     x[3 * first + axis] = 2e-6, x[6 + axis] = 1e-6;
     for (int v = 0; v < 3; v++) x[3 * v + (axis + 1) % 3] = 1e-5 * run;
-    msim_scene *scene = empty();
+    msim_scene *scene = make_empty_scene();
     const msim_mesh mesh = make_mesh(6, x, 3, faces);
     assert_ok(msim_scene_add_mesh(scene, &mesh, err));
     assert_int_equal(repairs_of(scene).near_vertices, 1);
@@ -202,7 +188,7 @@ static void flat_faces_stay(void **state) {
   (void)state;
   const double x[] = {0, 0, 0, 2, 0, 0, 1, 1e-7, 0, 1, 1, 0};
   const int32_t faces[] = {0, 1, 2, 0, 2, 3, 2, 1, 3};
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   const msim_mesh mesh = make_mesh(4, x, 3, faces);
   assert_ok(msim_scene_add_mesh(scene, &mesh, err));
   assert_int_equal(repairs_of(scene).flat_faces, 1);
@@ -218,7 +204,7 @@ static void tolerances_scale(void **state) {
     const double x[] = {0, 0, 0, unit, 0,    0,           0, unit, 0, 0.7e-6 * unit,
                         0, 0, 0, 0,    unit, 3e-6 * unit, 0, 0};
     const int32_t faces[] = {0, 1, 2, 3, 2, 1, 5, 1, 4};
-    msim_scene *scene = empty();
+    msim_scene *scene = make_empty_scene();
     const msim_mesh mesh = make_mesh(6, x, 3, faces);
     if (power < 150) assert_ok(msim_scene_add_mesh(scene, &mesh, err));
     else msim_scene_add_mesh(scene, &mesh, NULL);
@@ -245,7 +231,7 @@ static void one_sided_surfaces_cannot_be_filled(void **state) {
     const int32_t two[6] = {p, q, t, p, t, s};
     memcpy(faces + 6 * i, two, sizeof two);
   }
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   msim_mesh mesh = make_mesh(2 * N, x, 2 * N, faces);
   assert_ok(msim_scene_add_mesh(scene, &mesh, err));
   assert_true(repairs_of(scene).turned_faces <= N);
@@ -272,7 +258,7 @@ static void bad_meshes_are_refused(void **state) {
   place_cube(0, 1, x);
   memcpy(faces, cube_faces, sizeof faces);
   memcpy(bad, x, sizeof bad);
-  msim_scene *s = started();
+  msim_scene *s = make_started_scene();
   const msim_mesh mesh = make_mesh(8, x, 12, faces);
   REFUSE(nvertices, 0, "mesh.nvertices is 0; it must be from 1 to 715827882");
   REFUSE(nfaces, -1, "mesh.nfaces is -1");
@@ -295,7 +281,7 @@ static void bad_members_are_refused(void **state) {
   double x[24];
   const int32_t pinned[1] = {8};
   place_cube(0, 1, x);
-  msim_scene *s = started();
+  msim_scene *s = make_started_scene();
   const msim_mesh mesh = make_mesh(8, x, 12, cube_faces);
   REFUSE(scale, -1, "mesh.scale is -1; it must be a finite number > 0");
   REFUSE(scale, NAN, "mesh.scale is nan");

@@ -3,20 +3,6 @@
 
 #include "scene_check.h"
 
-static msim_scene *empty(void) {
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  return scene;
-}
-
-/* One particle before the object, so that its indices do not start at 0. */
-static msim_scene *started(void) {
-  const double x[3] = {9, 9, 9}, mass = 5;
-  msim_scene *scene = empty();
-  assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
-  return scene;
-}
-
 static msim_rope a_rope(int32_t n) {
   return (msim_rope){.size = sizeof(msim_rope),
                      .n = n,
@@ -69,7 +55,7 @@ static void a_rope_is_a_line(void **state) {
   (void)state;
   const int32_t pinned[2] = {0, 3}, pairs[3][2] = {{0, 1}, {1, 2}, {2, 3}};
   const double k[3] = {50, 50, 50};
-  msim_scene *scene = started();
+  msim_scene *scene = make_started_scene();
   msim_rope rope = a_rope(4);
   rope.npinned = 2, rope.pinned = pinned;
   assert_ok(msim_scene_add_rope(scene, &rope, err));
@@ -90,7 +76,7 @@ static void a_rope_is_a_line(void **state) {
 
 static void one_particle_stands_at_the_origin(void **state) {
   (void)state;
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   const msim_rope rope = a_rope(1);
   const msim_cloth cloth = a_cloth(1, 1);
   const msim_lattice lattice = a_lattice(1, 1, 1);
@@ -118,7 +104,7 @@ static void a_cloth_lists_springs_by_first_particle(void **state) {
                               {5, 8}, {5, 7}, {6, 7}, {6, 8}, {7, 8}};
   const double k[] = {100, 100, 10, 1, 1,   100, 100, 10, 10,  1,  100, 10, 1,
                       100, 100, 10, 1, 100, 100, 10,  10, 100, 10, 100, 1,  100};
-  msim_scene *scene = started();
+  msim_scene *scene = make_started_scene();
   const msim_cloth cloth = a_cloth(3, 3);
   assert_ok(msim_scene_add_cloth(scene, &cloth, err));
   assert_springs(scene, 1, sizeof pairs / sizeof *pairs, pairs, k);
@@ -129,7 +115,7 @@ static void a_cloth_lists_springs_by_first_particle(void **state) {
 static void a_cloth_counts_along_its_rows(void **state) {
   (void)state;
   const int32_t pinned[1] = {7};
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   msim_cloth cloth = a_cloth(3, 4);
   cloth.npinned = 1, cloth.pinned = pinned;
   assert_ok(msim_scene_add_cloth(scene, &cloth, err));
@@ -151,7 +137,7 @@ static void k_0_leaves_springs_out(void **state) {
   (void)state;
   const int32_t shear[][2] = {{0, 3}, {1, 2}}, none[1][2] = {{0, 0}};
   const double k[2] = {10, 10};
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   msim_rope rope = a_rope(5);
   msim_cloth cloth = a_cloth(2, 2);
   msim_lattice lattice = a_lattice(2, 2, 2);
@@ -174,7 +160,7 @@ static void a_cell_is_tied_in_all_directions(void **state) {
                                 {3, 4}, {4, 6}, {4, 5}, {4, 7}, {5, 7}, {5, 6}, {6, 7}};
   double k[28];
   for (int e = 0; e < 28; e++) k[e] = 7;
-  msim_scene *scene = started();
+  msim_scene *scene = make_started_scene();
   const msim_lattice lattice = a_lattice(2, 2, 2);
   assert_ok(msim_scene_add_lattice(scene, &lattice, err));
   assert_springs(scene, 1, 28, pairs, k);
@@ -186,7 +172,7 @@ static void a_cell_is_tied_in_all_directions(void **state) {
 static void a_lattice_ties_all_neighbours(void **state) {
   (void)state;
   enum { NX = 3, NY = 4, NZ = 2, N = NX * NY * NZ };
-  msim_scene *scene = empty();
+  msim_scene *scene = make_empty_scene();
   const msim_lattice lattice = a_lattice(NX, NY, NZ);
   assert_ok(msim_scene_add_lattice(scene, &lattice, err));
   const msim_scene_view view = view_of(scene);
@@ -222,7 +208,7 @@ static void a_lattice_ties_all_neighbours(void **state) {
 
 static void objects_without_size_are_refused(void **state) {
   (void)state;
-  msim_scene *s = started();
+  msim_scene *s = make_started_scene();
   msim_error why;
   msim_rope rope = a_rope(4);
   msim_cloth cloth = a_cloth(2, 3);
@@ -236,7 +222,7 @@ static void objects_without_size_are_refused(void **state) {
 
 static void bad_objects_are_refused(void **state) {
   (void)state;
-  msim_scene *s = started();
+  msim_scene *s = make_started_scene();
   REFUSE(rope, a_rope(4), n, 0, "rope.n is 0; it must be a whole number from 1");
   REFUSE(rope, a_rope(4), n, 1000000000, "rope.n gives 1000000000 particles; the limit is");
   REFUSE(rope, a_rope(4), from[1], NAN, "rope.from[1] is nan; it must be a finite number");
@@ -265,7 +251,7 @@ static void bad_objects_are_refused(void **state) {
 static void bad_pins_of_objects_are_refused(void **state) {
   (void)state;
   const int32_t pinned[2] = {5, 6};
-  msim_scene *s = started();
+  msim_scene *s = make_started_scene();
   msim_cloth cloth = a_cloth(2, 3);
   cloth.npinned = 2, cloth.pinned = pinned;
   assert_refused(s, msim_scene_add_cloth(s, &cloth, err),
@@ -293,7 +279,7 @@ static void limits_hold_for_the_whole_scene(void **state) {
   assert_ok(msim_scene_create(&alloc, &s, err));
   assert_int_equal(msim_scene_add_rope(s, &rope, NULL), MSIM_ERR_MEMORY);
   msim_scene_destroy(s);
-  s = started();
+  s = make_started_scene();
   assert_refused(s, msim_scene_add_rope(s, &rope, err),
                  "rope adds 715827882 particles to 1; the limit is 715827882");
   msim_scene_destroy(s);
