@@ -1,6 +1,6 @@
 /* A correct backend without a matrix, for tests: conjugate gradients by apply() and two_level(),
  * also where ranks share the system; precondition() is for the norm. It checks the padding of
- * vectors that the host promises. */
+ * vectors that the host guarantees. */
 #include <math.h>
 #include <string.h>
 

@@ -29,7 +29,7 @@ static void keep_failure(ms_ranks *ranks, msim_status status) {
 typedef msim_status reduction(void *self, int32_t n, double *values);
 
 static void reduce(ms_ranks *ranks, reduction *function, int32_t n, double *values) {
-  enum { MOST = 64 }; /* of a call, as comm.h promises */
+  enum { MOST = 64 }; /* of a call, as comm.h guarantees */
   for (int32_t i = 0; i < n && !ranks->failed; i += n - i < MOST ? n - i : MOST)
     keep_failure(ranks, function(ranks->comm->self, n - i < MOST ? n - i : MOST, values + i));
   for (int32_t i = 0; i < n && ranks->failed; i++) values[i] = NAN;

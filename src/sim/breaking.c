@@ -105,19 +105,19 @@ static int finds_breaking_springs(const msim_sim *sim) {
 }
 
 /* Break the springs that some rank has marked; returns their number. Up to two ranks mark a spring:
- * the counts of marks of 24 springs share a double, as digits in base 4. */
+ * how many do is a digit in base 4, and 24 of these share a double. */
 static int64_t break_marked_springs(ms_scene *s, ms_ranks *ranks) {
   enum { DIGITS = 24, NUMBERS = 64 };
   int64_t broken = 0;
   for (int64_t first = 0; first < s->nsprings; first += DIGITS * NUMBERS) {
-    double marks[NUMBERS] = {0};
+    double counts[NUMBERS] = {0};
     const int64_t left = s->nsprings - first, n = left < DIGITS * NUMBERS ? left : DIGITS * NUMBERS;
     uint8_t *at = s->broken + first;
     for (int64_t e = 0; e < n; e++)
-      if (at[e] == MS_BREAKING) marks[e / DIGITS] += (double)(UINT64_C(1) << 2 * (e % DIGITS));
-    ms_ranks_sum(ranks, NUMBERS, marks);
+      if (at[e] == MS_BREAKING) counts[e / DIGITS] += (double)(UINT64_C(1) << 2 * (e % DIGITS));
+    ms_ranks_sum(ranks, NUMBERS, counts);
     for (int64_t e = 0; e < n && !(ranks && ranks->failed); e++)
-      if ((uint64_t)marks[e / DIGITS] >> 2 * (e % DIGITS) & 3) at[e] = MS_BROKEN, broken++;
+      if ((uint64_t)counts[e / DIGITS] >> 2 * (e % DIGITS) & 3) at[e] = MS_BROKEN, broken++;
   }
   return broken;
 }

@@ -116,23 +116,16 @@ static void fill_random(ms_shape shape, double *v) {
 
 /* v = the motion with the most negative stiffness, by the power method on (M + h^2 K)^-1 M, whose
  * largest eigenvalue 1/(1 + h^2 w^2) belongs to it, with the largest h of h/2, h/4, ... for which
- * that matrix is positive definite. */
-static msim_status find_unstable_motion(search *s, double *v, msim_error *err) {
-  enum { HALVINGS = 60, ITERATIONS = 30 };
-  const ms_stepper *stepper = &s->sim->islands->stepper;
-  const ms_shape shape = stepper->model->shape;
-  double *b = stepper->scratch;
-  msim_status status = MSIM_NOT_SPD;
-  fill_random(shape, v);
-  for (int i = 0; i < HALVINGS && status == MSIM_NOT_SPD; i++) {
-    s->h /= 2;
-    ms_vector_scale_rows(shape, stepper->model->mass, v, b);
-    status = ms_static_sim_solve(s->sim, s->h, b, v, err);
-  }
+ * that matrix is positive definite. b: the first vector, scratch afterwards */
+static msim_status find_unstable_motion(search *s, double *b, double *v, msim_error *err) {
+  enum { ITERATIONS = 30 };
+  const ms_model *model = s->sim->islands->stepper.model;
+  s->h /= 2;
+  msim_status status = ms_static_sim_solve_definite(s->sim, &s->h, b, v, err);
   for (int i = 0; i < ITERATIONS && !status; i++) {
-    ms_vector_scale(shape, 1 / sqrt(ms_vector_dot(shape, v, v)), v);
-    ms_vector_scale_rows(shape, stepper->model->mass, v, b);
-    status = ms_static_sim_solve(s->sim, s->h, b, v, err);
+    ms_vector_scale(model->shape, 1 / sqrt(ms_vector_dot(model->shape, v, v)), v);
+    ms_vector_scale_rows(model->shape, model->mass, v, b);
+    status = ms_static_sim_solve_again(s->sim, b, v, err);
   }
   return status;
 }
@@ -171,7 +164,7 @@ static msim_status check_minimum(search *s, int *left, msim_error *err) {
   fill_random(shape, b);
   status = ms_static_sim_solve(s->sim, s->h, b, v, err);
   if (status != MSIM_NOT_SPD) return status;
-  status = find_unstable_motion(s, v, err);
+  status = find_unstable_motion(s, b, v, err);
   if (!status) leave_saddle(s, v);
   *left = 1;
   return status;

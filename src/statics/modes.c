@@ -80,12 +80,9 @@ static void start_block(subspace *s) {
 
 /* Factor the matrix, with h halved until it is positive definite. */
 static msim_status factor_operator(subspace *s, msim_error *err) {
-  enum { HALVINGS = 100 };
-  msim_status status = MSIM_NOT_SPD;
-  for (int i = 0; i < HALVINGS && status == MSIM_NOT_SPD; i++) {
-    if (i) s->h = s->longest = s->h / 2;
-    status = ms_static_sim_solve(s->sim, s->h, s->v[0], s->w[0], err);
-  }
+  const double wanted = s->h;
+  const msim_status status = ms_static_sim_solve_definite(s->sim, &s->h, s->v[0], s->w[0], err);
+  if (s->h < wanted) s->longest = s->h;
   return status;
 }
 

@@ -94,6 +94,17 @@ msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double
   return ms_solver_solve(s->solver, &spec, b, v, err);
 }
 
+msim_status ms_static_sim_solve_definite(msim_sim *sim, double *h, const double *b, double *v,
+                                         msim_error *err) {
+  enum { HALVINGS = 100 };
+  msim_status status = ms_static_sim_solve(sim, *h, b, v, err);
+  for (int i = 0; i < HALVINGS && status == MSIM_NOT_SPD; i++) {
+    *h /= 2;
+    status = ms_static_sim_solve(sim, *h, b, v, err);
+  }
+  return status;
+}
+
 msim_status ms_static_sim_solve_again(msim_sim *sim, const double *b, double *v, msim_error *err) {
   return ms_solver_solve_again(sim->islands->stepper.solver, ACCURATE, b, v, err);
 }

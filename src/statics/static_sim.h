@@ -28,7 +28,11 @@ msim_status ms_static_sim_start(msim_sim *sim, const double *x, double h, msim_e
 msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double *v,
                                 msim_error *err);
 
-/* The same for another b, with the same h. */
+/* The same, with *h halved until the matrix is positive definite. */
+msim_status ms_static_sim_solve_definite(msim_sim *sim, double *h, const double *b, double *v,
+                                         msim_error *err);
+
+/* The same for another b, with the matrix and the factor of the last solve, which succeeded. */
 msim_status ms_static_sim_solve_again(msim_sim *sim, const double *b, double *v, msim_error *err);
 
 #endif
