@@ -60,7 +60,7 @@ def functions(text):
     """(line, lines) of each function: the text between braces at file level, after a `)`."""
     text = PREPROCESSOR.sub(blank, COMMENT_OR_STRING.sub(blank, text))
     text = re.sub(r'extern\s*\{', "", text)
-    depth, start, first = 0, 0, 0
+    depth, start, first, is_function = 0, 0, 0, False
     for brace in re.finditer(r"[{};]", text):
         at = brace.start()
         if brace.group() == "{":

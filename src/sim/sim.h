@@ -60,6 +60,7 @@ struct msim_sim {
   atomic_int stop;
   msim_status last_status; /* of the last call that made or checked steps, for msim_sim_advice */
   int in_observer;         /* 1: the observer of msim_sim_run is being called */
+  int is_in_batch;         /* 1: msim_sim_step_many is stepping it */
 
   int32_t nislands;       /* at least 1 */
   ms_island_sim *islands; /* nislands; built anew when the components of space change */

@@ -7,6 +7,7 @@
 #include "../bench_reference/triad.h"
 #include "../common/clock.h"
 #include "../common/interrupt.h"
+#include "batch.h"
 #include "cost_limits.h"
 #include "counted_memory.h"
 #include "solver_comparison.h"
@@ -14,15 +15,18 @@
 typedef struct scaling_plan {
   timing_limits each, growth;
   cost_limits limits;
+  int batch; /* small scenes that are stepped together */
 } scaling_plan;
 
 static const scaling_plan plans[] = {
     {.each = {.budget = 20, .min_rounds = 3, .max_rounds = 15},
      .growth = {.budget = 40, .min_rounds = 5, .max_rounds = 15},
-     .limits = {.dense = 6e11}},
+     .limits = {.dense = 6e11},
+     .batch = 1000},
     {.each = {.budget = 1, .min_rounds = 3, .max_rounds = 5},
      .growth = {.budget = 6, .min_rounds = 2, .max_rounds = 3},
-     .limits = {.dense = 6e9}},
+     .limits = {.dense = 6e9},
+     .batch = 100},
 };
 
 /* Scenes that the keys need come first, expensive ones last; --quick leaves out the first one,
@@ -161,6 +165,13 @@ static void measure_iteration(scaling_bench *s, const moving_scene *m,
   triad_free(&t);
 }
 
+static void measure_batch(scaling_bench *s, const moving_scene *m) {
+  const timing_limits p = limits_until(s->plan->each, s->run->until);
+  const int n = s->plan->batch;
+  report_scene_key(s, "batch_efficiency_explicit", m, batch_measure_efficiency(m, n, 0, &p));
+  report_scene_key(s, "batch_efficiency_implicit", m, batch_measure_efficiency(m, n, 1, &p));
+}
+
 /* Iterations of the solver in a step; NAN for a direct solver. */
 static double iterations_of(const timing_candidate *c) {
   const int64_t iterations = has_result(c) ? c->samples[c->nsamples - 1].iterations : 0;
@@ -169,6 +180,7 @@ static double iterations_of(const timing_candidate *c) {
 
 static void measure_keys(scaling_bench *s, moving_scene *m, const solver_comparison *r) {
   const char *scene = m->kind->name;
+  if (strcmp(scene, "cloth32") == 0) measure_batch(s, m);
   if (strcmp(scene, "cloth1000") == 0) {
     measure_time_growth(s, &r->all[0], m);
     measure_setup(s, m, &r->all[0]);

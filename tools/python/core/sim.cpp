@@ -129,11 +129,10 @@ static void copy_sim(Sim *self, const Sim &from) {
 /*------------------------------------- steps ----------------------------------------------------*/
 
 // As check(), for steps: a numerical event comes with advice.
-static void check_steps(const Handle &h, msim_status status, const msim_error &err) {
-  char advice[1024];
-  if (status <= 0) return check(status, err);
-  msim_sim_advice(h.p, advice, sizeof advice);
-  throw Failure{status, err.text, advice};
+static void check_steps(const Handle &h, msim_status status, const std::string &text) {
+  char advice[1024] = "";
+  if (status > 0) msim_sim_advice(h.p, advice, sizeof advice);
+  if (status != MSIM_OK) throw Failure{status, text, advice};
 }
 
 static msim_status make_steps(Handle &h, int64_t n, msim_error *err) {
@@ -141,25 +140,65 @@ static msim_status make_steps(Handle &h, int64_t n, msim_error *err) {
   return msim_sim_step(h.p, n, err);
 }
 
-// Chunks of steps that take about 25 to 50 ms. The first is one step, as an alarm may have left a
-// request to stop.
-static void step(Sim &s, int64_t n) {
-  const std::shared_ptr<Handle> h = s.h;
+// Makes n steps by make_chunk(count), in chunks that take about 25 to 50 ms, and looks for signals
+// after each. The first is one step, as an alarm may have left a request to stop.
+template <class MakeChunk>
+static void make_chunks(int64_t n, MakeChunk make_chunk) {
   if (n < 0) throw Failure{MSIM_ERR_ARG, "n must be >= 0"};
-  Stepping now(*h);
   for (int64_t chunk = 1; n > 0;) {
-    msim_error err;
     const int64_t count = std::min(n, chunk);
     const auto start = n > 1 ? Clock::now() : Clock::time_point();
-    const msim_status status = make_steps(*h, count, &err);
+    make_chunk(count);
     n -= count;
-    show_warnings(*h, 1);
-    if (status != MSIM_STOPPED || take_stop(*h)) check_steps(*h, status, err);
     check_signals();
     if (n == 0) return;
     const auto taken = Clock::now() - start;
     chunk = taken < between_signals / 2 ? 2 * count : std::max<int64_t>(1, count / 2);
   }
+}
+
+// After a chunk of steps
+static void check_chunk(Handle &h, msim_status status, const std::string &text) {
+  show_warnings(h, 1);
+  if (status != MSIM_STOPPED || take_stop(h)) check_steps(h, status, text);
+}
+
+static void step(Sim &s, int64_t n) {
+  const std::shared_ptr<Handle> h = s.h;
+  Stepping now(*h);
+  make_chunks(n, [&](int64_t count) {
+    msim_error err;
+    const msim_status status = make_steps(*h, count, &err);
+    check_chunk(*h, status, err.text);
+  });
+}
+
+// Force functions of Python need the GIL, and their exceptions are those of this thread.
+static void step_many(const nb::list &list, int64_t n, int32_t threads) {
+  std::vector<std::shared_ptr<Handle>> handles;
+  std::vector<std::unique_ptr<Stepping>> now;
+  std::vector<msim_sim *> sims;
+  std::vector<msim_error> errors(list.size());
+  for (nb::handle item : list) {
+    handles.push_back(nb::cast<Sim &>(item).h);
+    Handle &h = *handles.back();
+    now.push_back(std::make_unique<Stepping>(h));
+    sims.push_back(h.p);
+    if (h.force) threads = 1;
+  }
+  make_chunks(n, [&](int64_t count) {
+    msim_error err;
+    const auto size = static_cast<int32_t>(sims.size());
+    const msim_status status = [&] {
+      nb::gil_scoped_release release;
+      return msim_sim_step_many(sims.data(), size, count, threads, errors.data(), &err);
+    }();
+    if (status == MSIM_ERR_ARG) check(status, err);
+    for (size_t i = 0; i < sims.size(); i++) {
+      const std::string text = "sims[" + std::to_string(i) + "]: " + errors[i].text;
+      check_chunk(*handles[i], errors[i].status, text);
+    }
+  });
 }
 
 static int stop_at_frame(msim_sim *p, void *user) {
@@ -191,7 +230,7 @@ static bool next_frame(Sim &s) {
     check_signals();
     if (s.shown_step != step_before || s.shown_t != t_before) return true;
     if (status == MSIM_OK) return false;
-    if (status != MSIM_STOPPED) check_steps(*h, status, err);
+    if (status != MSIM_STOPPED) check_steps(*h, status, err.text);
   }
   return false;
 }
@@ -405,4 +444,5 @@ void bind_sim(nb::module_ &m) {
       .def("dumps", save)
       .def("loads", load, nb::arg("data"));
   bind_readings(sim);
+  m.def("step_many", step_many);
 }

@@ -18,7 +18,7 @@ from ._options import (Integrator, Option, Plugin, importers, integrators, optio
 from ._result import (Energies, Energy, Equilibrium, Estimate, Frame, Islands, Modes, Plan, Result,
                       Springs)
 from ._scene import Scene
-from ._sim import Recorder, Sim, run
+from ._sim import Recorder, Sim, run, step_many
 from ._sweep import sweep
 from ._trajectory import Trajectory
 from ._view import view
@@ -31,5 +31,5 @@ __all__ = [
     "NumericalError", "Option", "OptionError", "OutOfMemoryError", "Plan", "Plane", "Plugin",
     "PluginError", "Recorder", "Result", "Scene", "Sim", "Springs", "Status", "StoppedError",
     "Trajectory", "UnstableError", "UnsupportedError", "importers", "integrators", "options", "recorders", "run",
-    "solvers", "sweep", "view", "__version__",
+    "solvers", "step_many", "sweep", "view", "__version__",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 import html
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any
@@ -432,6 +432,23 @@ def run(scene: Scene, *, observer: Observer | None = None, out: Path | None = No
         progress: bool = False, **options: object) -> Result:
     """Run a scene to its end: Sim(scene, **options).run(...)."""
     return Sim(scene, **options).run(observer=observer, out=out, progress=progress)
+
+
+def step_many(sims: Iterable[Sim], n: int = 1, *, threads: int = 0) -> None:
+    """Make n steps of each of many sims, several at a time, on all cores or in so many threads.
+
+    Meant for many small scenes, whose sims have threads=1 each; bits are those of Sim.step. An error
+    of a sim begins with its number, as "sims[3]: "; the others have then made equally many steps,
+    at most n. Sims with a force function in Python take turns, as Python's threads do.
+    """
+    every = list(sims)
+    for i, sim in enumerate(every):
+        if not isinstance(sim, Sim):
+            raise ArgumentError(f"sims[{i}] must be an msim.Sim; found {type(sim).__name__}")
+    if len({id(sim) for sim in every}) < len(every):
+        raise ArgumentError("sims must be different; one is there twice")
+    _core.step_many(every, _arrays.count("n", n, most=_INT64),
+                    _arrays.count("threads", threads, most=256))
 
 
 @contextmanager
