@@ -1,6 +1,6 @@
 /* Tests of msim_sim_equilibrium: hanging chains against the exact discrete catenary, random nets
- * whose forces must balance, a column that buckles, bodies that float or fall, contact with a
- * floor, every method and solver, refusals and failing allocations. */
+ * whose forces must balance, a column that buckles, a square of angles that folds, bodies that float
+ * or fall, contact with a floor, every method and solver, refusals and failing allocations. */
 #include <math.h>
 
 #include "failing_allocator.h"
@@ -169,6 +169,39 @@ static void a_strut_buckles(void **state) {
   assert_int_equal(e.is_minimum, 1);
   assert_close(at[0], 1, 1e-9);
   assert_close(hypot(at[1], at[2]), 0.75, 1e-9);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* Four angles of 80 degrees at rest, without springs: their sum is 360 degrees in a plane, where the
+ * square is in equilibrium, and less out of it. */
+static void a_square_of_angles_folds(void **state) {
+  (void)state;
+  const double x[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}, mass[4] = {1, 1, 1, 1},
+               k[4] = {5, 5, 5, 5}, angle = 4 * atan(1) * 80 / 180;
+  const double rest[4] = {angle, angle, angle, angle};
+  const int32_t ijk[12] = {0, 1, 2, 1, 2, 3, 2, 3, 0, 3, 0, 1};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 4, x, NULL, mass, err));
+  assert_ok(msim_scene_add_angles(scene, 4, ijk, k, rest, NULL, err));
+  const msim_options opt = options("velocity-verlet", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  const msim_equilibrium e = settle(sim, 1e-9);
+  assert_int_equal(e.saddles, 1);
+  assert_int_equal(e.is_minimum, 1);
+  const double *at = state_of(sim).x;
+  for (int a = 0; a < 4; a++) {
+    double p[3], q[3];
+    for (int c = 0; c < 3; c++) {
+      p[c] = at[3 * ijk[3 * a] + c] - at[3 * ijk[3 * a + 1] + c];
+      q[c] = at[3 * ijk[3 * a + 2] + c] - at[3 * ijk[3 * a + 1] + c];
+    }
+    const double cosine =
+        (p[0] * q[0] + p[1] * q[1] + p[2] * q[2]) /
+        sqrt((p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]));
+    assert_close(acos(cosine), angle, 1e-8);
+  }
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
@@ -350,6 +383,7 @@ int main(void) {
       cmocka_unit_test(chains_hang_in_a_catenary),
       cmocka_unit_test(nets_are_in_balance),
       cmocka_unit_test(a_strut_buckles),
+      cmocka_unit_test(a_square_of_angles_folds),
       cmocka_unit_test(floating_bodies_relax),
       cmocka_unit_test(falling_bodies_have_no_equilibrium),
       cmocka_unit_test(forces_of_the_program_support_bodies),

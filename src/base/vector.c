@@ -133,3 +133,8 @@ double ms_vector_random_entry(uint32_t i) {
   i = (i ^ 61u ^ (i >> 16)) * 2654435769u;
   return (double)(i >> 8) / 16777216.0 - 0.5;
 }
+
+void ms_vector_fill_random(ms_shape s, uint32_t first, double *v) {
+  for (int32_t i = 0; i < s.dims * s.stride; i++)
+    v[i] = i % s.stride < s.n ? ms_vector_random_entry(first + (uint32_t)i) : 0;
+}

@@ -72,6 +72,9 @@ int32_t ms_vector_find_largest(ms_shape s, const double *x);
  * a component along practically every other vector. */
 double ms_vector_random_entry(uint32_t i);
 
+/* v = the entries of that vector from `first` on, and 0 in the rows from n to stride */
+void ms_vector_fill_random(ms_shape s, uint32_t first, double *v);
+
 /* Limit of the numbers in a state. Squares overflow at 1.34e154; the margin is for the products in
  * forces and energies. */
 #define MS_LARGEST_VALID 1e140

@@ -28,6 +28,7 @@ typedef struct search {
   double *x;     /* 3n: the present positions */
   double *force; /* 3n: that nothing balances there */
   double h;
+  double omega;    /* 1/s: a bound of the highest frequency */
   double accepted; /* N: the largest force at the end of the search */
   int32_t most;    /* iterations of Newton's method */
   msim_equilibrium result;
@@ -109,18 +110,21 @@ static msim_status check_support(const search *s, msim_error *err) {
 
 /*------------------------------------- minima ---------------------------------------------------*/
 
-static void fill_random(ms_shape shape, double *v) {
-  for (int32_t i = 0; i < shape.dims * shape.stride; i++)
-    v[i] = i % shape.stride < shape.n ? ms_vector_random_entry((uint32_t)i) : 0;
+/* h of the test of a minimum. With h = 1e5/omega, negative eigenvalues of K above -1e-10 of the
+ * largest one are not distinguished from 0, as those of mechanisms are up to the forces that are
+ * left. Conjugate gradients have the matrix in single precision. */
+static double longest_step(const search *s) {
+  const ms_linear *linear = s->sim->islands->stepper.solver->linear;
+  return (linear->factorises ? 1e5 : 1e3) / s->omega;
 }
 
 /* v = the motion with the most negative stiffness, by the power method on (M + h^2 K)^-1 M, whose
- * largest eigenvalue 1/(1 + h^2 w^2) belongs to it, with the largest h of h/2, h/4, ... for which
- * that matrix is positive definite. b: the first vector, scratch afterwards */
+ * largest eigenvalue 1/(1 + h^2 w^2) belongs to it, with the first h of longest_step()/2, /4,
+ * ... for which that matrix is positive definite. b: the first vector, scratch afterwards */
 static msim_status find_unstable_motion(search *s, double *b, double *v, msim_error *err) {
   enum { ITERATIONS = 30 };
   const ms_model *model = s->sim->islands->stepper.model;
-  s->h /= 2;
+  s->h = longest_step(s) / 2;
   msim_status status = ms_static_sim_solve_definite(s->sim, &s->h, b, v, err);
   for (int i = 0; i < ITERATIONS && !status; i++) {
     ms_vector_scale(model->shape, 1 / sqrt(ms_vector_dot(model->shape, v, v)), v);
@@ -130,22 +134,35 @@ static msim_status find_unstable_motion(search *s, double *b, double *v, msim_er
   return status;
 }
 
-/* Displace the particles along v by at most a hundredth of the mean length of springs. */
+static double distance(const search *s, int32_t p, int32_t q) {
+  double d[3];
+  memcpy(d, s->x + 3 * (size_t)q, sizeof d);
+  ms_vec3_axpy(-1, s->x + 3 * (size_t)p, d);
+  return ms_vec3_norm(d);
+}
+
+/* The mean length of springs and of the edges of angular springs; without any, 1 m. */
+static double mean_length(const search *s) {
+  const ms_scene *scene = s->sim->scene;
+  const int64_t edges = (int64_t)scene->nsprings + 2 * (int64_t)scene->angles.n;
+  double sum = 0;
+  for (size_t e = 0; e < (size_t)scene->nsprings; e++)
+    sum += distance(s, scene->ij[2 * e], scene->ij[2 * e + 1]);
+  for (size_t e = 0; e < (size_t)scene->angles.n; e++) {
+    const int32_t *ijk = scene->angles.ijk + 3 * e;
+    sum += distance(s, ijk[0], ijk[1]) + distance(s, ijk[1], ijk[2]);
+  }
+  return sum > 0 ? sum / (double)edges : 1;
+}
+
+/* Displace the particles along v by at most a hundredth of that. */
 static void leave_saddle(search *s, double *v) {
   const ms_scene *scene = s->sim->scene;
-  const ms_unknowns *unknowns = &s->sim->islands->model.unknowns;
-  double sum = 0, largest = 0;
-  for (size_t e = 0; e < (size_t)scene->nsprings; e++) {
-    const double *i = s->x + 3 * (size_t)scene->ij[2 * e];
-    double d[3];
-    memcpy(d, s->x + 3 * (size_t)scene->ij[2 * e + 1], sizeof d);
-    ms_vec3_axpy(-1, i, d);
-    sum += ms_vec3_norm(d);
-  }
-  ms_unknowns_scatter(unknowns, v, s->force);
+  double largest = 0;
+  ms_unknowns_scatter(&s->sim->islands->model.unknowns, v, s->force);
   for (int32_t p = 0; p < scene->nparticles; p++)
     if (!scene->pinned[p]) largest = fmax(largest, ms_vec3_norm(s->force + 3 * (size_t)p));
-  const double scale = 0.01 * sum / scene->nsprings / largest;
+  const double scale = 0.01 * mean_length(s) / largest;
   for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++)
     if (!scene->pinned[i / 3]) s->x[i] += scale * s->force[i];
   s->result.saddles++;
@@ -154,15 +171,16 @@ static void leave_saddle(search *s, double *v) {
 /* *left: the equilibrium was no minimum, and x has moved away from it. */
 static msim_status check_minimum(search *s, int *left, msim_error *err) {
   ms_stepper *stepper = &s->sim->islands->stepper;
-  const ms_shape shape = stepper->model->shape;
+  const double longest = longest_step(s);
   double *b = stepper->work[0], *v = stepper->work[1];
   *left = 0;
   s->result.is_minimum = !ms_scene_has_obstacles(s->sim->scene);
   if (!s->result.is_minimum) return MSIM_OK;
-  msim_status status = ms_static_sim_start(s->sim, s->x, s->h, err);
+  msim_status status = ms_static_sim_start(s->sim, s->x, longest, err);
   if (status) return status;
-  fill_random(shape, b);
-  status = ms_static_sim_solve(s->sim, s->h, b, v, err);
+  ms_vector_fill_random(stepper->model->shape, 0, b);
+  status = ms_static_sim_solve(s->sim, longest, b, v, err);
+  if (status == MSIM_NOT_CONVERGED) return s->result.is_minimum = 0, MSIM_OK;
   if (status != MSIM_NOT_SPD) return status;
   status = find_unstable_motion(s, b, v, err);
   if (!status) leave_saddle(s, v);
@@ -227,7 +245,8 @@ static msim_status begin_search(search *s, msim_error *err) {
     return ms_error_set_memory(err, "the equilibrium");
   const msim_status status = ms_bounds_compute(scene, 0, &bounds, err);
   if (status) return status;
-  s->h = bounds.omega > 0 ? 10 / bounds.omega : 1;
+  s->omega = bounds.omega > 0 ? bounds.omega : 1;
+  s->h = 10 / s->omega;
   memcpy(s->x, scene->x, n * sizeof *s->x);
   msim_sim_force(s->sim, s->x, scene->v, s->force);
   measure_forces(s);

@@ -35,12 +35,14 @@ static msim_status copy_scene(const ms_scene *from, const double *x, msim_scene 
 }
 
 static msim_status choose_solver(const msim_sim *of, int kind, msim_options *opt, msim_error *err) {
+  const msim_options *from = &of->config.opt;
   const msim_backend *cholmod;
-  if (strcmp(opt->solver, "auto") != 0) return MSIM_OK;
   opt->solver = "pcg";
   if (kind == MS_STATIC_FAST) return MSIM_OK;
+  opt->solver = from->solver, opt->solver_options = from->solver_options;
+  if (strcmp(opt->solver, "auto") != 0) return MSIM_OK;
   const msim_status status = ms_backends_find("cholmod", opt, &of->alloc, &cholmod, err);
-  if (!status) opt->solver = "cholmod";
+  opt->solver = status ? "pcg" : "cholmod";
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
@@ -55,7 +57,6 @@ msim_status ms_static_sim_create(msim_sim *of, int kind, msim_sim **sim, msim_er
   opt.steps = 0;
   opt.threads = from->threads;
   opt.plugin_path = from->plugin_path, opt.backends = from->backends;
-  opt.solver = from->solver, opt.solver_options = from->solver_options;
   opt.newton_rtol = 1e-3; /* of each of many steps */
   opt.collision = MSIM_COLLISION_EVENT;
   opt.newton_retries = 0;
@@ -98,7 +99,7 @@ msim_status ms_static_sim_solve_definite(msim_sim *sim, double *h, const double 
                                          msim_error *err) {
   enum { HALVINGS = 100 };
   msim_status status = ms_static_sim_solve(sim, *h, b, v, err);
-  for (int i = 0; i < HALVINGS && status == MSIM_NOT_SPD; i++) {
+  for (int i = 0; i < HALVINGS && (status == MSIM_NOT_SPD || status == MSIM_NOT_CONVERGED); i++) {
     *h /= 2;
     status = ms_static_sim_solve(sim, *h, b, v, err);
   }

@@ -9,7 +9,7 @@
  * the scene. `function` names the caller. */
 msim_status ms_static_sim_check(const msim_sim *of, const char *function, msim_error *err);
 
-/* Where the linear solver of the other sim is auto: MS_STATIC_FAST takes pcg, MS_STATIC_EXACT
+/* The linear solver. MS_STATIC_FAST: pcg. MS_STATIC_EXACT: that of the other sim, where it is auto
  * cholmod, if it is available, which finds out whether a matrix is positive definite. */
 enum { MS_STATIC_FAST, MS_STATIC_EXACT };
 
@@ -28,7 +28,7 @@ msim_status ms_static_sim_start(msim_sim *sim, const double *x, double h, msim_e
 msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double *v,
                                 msim_error *err);
 
-/* The same, with *h halved until the matrix is positive definite. */
+/* The same, with *h halved until the matrix is positive definite and the solver converges. */
 msim_status ms_static_sim_solve_definite(msim_sim *sim, double *h, const double *b, double *v,
                                          msim_error *err);
 

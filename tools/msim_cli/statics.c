@@ -54,25 +54,38 @@ static int end_statics(statics *s, int status) {
 
 static double length(const double *v) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-/* 1e-9 of the external forces on free particles, or, without any, of the largest force */
-static double default_ftol(const statics *s) {
+/* The sum of the external forces on free particles */
+static double external_force(const statics *s) {
   msim_scene_view view = {.size = sizeof view};
-  msim_state now = {.size = sizeof now};
-  double sum = 0, largest = 0;
+  double sum = 0;
   msim_scene_get(s->made.scene, &view);
-  msim_sim_state(s->sim, &now);
-  double *force = calloc(3 * (size_t)view.nparticles, sizeof *force);
-  if (force) msim_sim_force(s->sim, now.x, now.v, force);
   for (int32_t p = 0; p < view.nparticles; p++) {
     if (view.pinned[p]) continue;
     sum += view.mass[p] * length(view.gravity);
     if (view.force) sum += length(view.force + 3 * (size_t)p);
-    const double present = force ? length(force + 3 * (size_t)p) : 0;
-    if (present > largest) largest = present;
   }
-  free(force);
-  if (sum == 0) sum = largest;
-  return sum > 0 ? 1e-9 * sum : 1e-9;
+  return sum;
+}
+
+static double largest_tension(const statics *s) {
+  msim_state now = {.size = sizeof now};
+  double largest = 0;
+  msim_sim_state(s->sim, &now);
+  double *tension = calloc((size_t)now.nsprings + 1, sizeof *tension);
+  if (tension) msim_sim_springs(s->sim, tension, NULL, NULL);
+  for (int32_t e = 0; e < now.nsprings && tension; e++)
+    if (fabs(tension[e]) > largest) largest = fabs(tension[e]);
+  free(tension);
+  return largest;
+}
+
+/* 1e-9 of the external forces, or, without any, of the tensions in the present state, whose
+ * rounding errors may be larger */
+static double default_ftol(const statics *s) {
+  const double external = external_force(s), tension = largest_tension(s);
+  const double wanted = 1e-9 * (external > 0 ? external : tension), least = 1e-13 * tension;
+  if (!(wanted > 0)) return 1e-9;
+  return wanted > least ? wanted : least;
 }
 
 static int read_ftol(const statics *s, double *ftol) {
@@ -102,7 +115,7 @@ static int find_rest(statics *s) {
         "energy      elastic %.6g J, gravitational %.6g J\n",
         e.force, (int)e.particle, ftol, (int)e.iterations, (int)e.saddles,
         e.is_minimum ? "yes, the stiffness matrix has no negative eigenvalue"
-                     : "not checked, as particles may be in contact",
+                     : "not known, as particles may be in contact or the solver does not converge",
         energy.elastic, energy.gravitational);
   return s->file.path ? final_write(&s->file, s->made.scene, s->sim, MSIM_OK) : EXIT_OK;
 }
