@@ -391,35 +391,6 @@ static void each_allocation_that_fails_is_a_failure_on_all_ranks(void **state) {
     }
 }
 
-/*------------------------------------- failed communication -------------------------------------*/
-
-static const char *check_lost_rank(msim_comm *comm, void *data) {
-  msim_options opt = options("velocity-verlet", 1e-4);
-  msim_sim *sim;
-  msim_error why;
-  msim_state s = {.size = sizeof s};
-  opt.comm = comm;
-  EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
-  EXPECT(msim_sim_step(sim, 7, &why) == MSIM_OK);
-  if (comm->rank == 1) msim_comm_threads_fail(comm, "rank 1 has ended");
-  if (comm->rank != 1) {
-    EXPECT(msim_sim_step(sim, 100, &why) == MSIM_ERR_BACKEND);
-    EXPECT(strstr(why.text, "rank 1 has ended"));
-    EXPECT(msim_sim_step(sim, 1, &why) == MSIM_ERR_BACKEND);
-    EXPECT(msim_sim_state(sim, &s) == MSIM_ERR_BACKEND);
-  }
-  msim_sim_destroy(sim);
-  return NULL;
-}
-
-static void no_rank_waits_for_one_that_has_ended(void **state) {
-  (void)state;
-  msim_scene *cloth = hanging_cloth(9, 100, 0.01);
-  const char *wrong = run_ranks(3, check_lost_rank, cloth);
-  if (wrong) fail_msg("%s", wrong);
-  msim_scene_destroy(cloth);
-}
-
 /*------------------------------------- states ---------------------------------------------------*/
 
 /* From the state of one process, also with v(t - h/2) */
@@ -461,7 +432,6 @@ int main(void) {
       cmocka_unit_test(ranks_rest_together),
       cmocka_unit_test(bounds_of_energy_are_those_of_one_process),
       cmocka_unit_test(each_allocation_that_fails_is_a_failure_on_all_ranks),
-      cmocka_unit_test(no_rank_waits_for_one_that_has_ended),
       cmocka_unit_test(states_are_set_on_all_ranks),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

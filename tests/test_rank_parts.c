@@ -11,7 +11,7 @@
 #include "layout/halo.h"
 #include "layout/layout.h"
 #include "layout/section.h"
-#include "layout/whole_order.h"
+#include "layout/rank_order.h"
 #include "rank_scenes.h"
 #include "ranks.h"
 #include "scene/scene.h"
@@ -113,7 +113,7 @@ static void sections_begin_with_batches(void **state) {
 typedef struct built {
   ms_ranks *ranks;
   ms_rank_part *part;
-  ms_whole_order order;
+  ms_rank_order order;
   ms_islands islands;
   ms_unknowns rows;
   ms_springs springs;
@@ -125,7 +125,7 @@ static const char *build(const ms_scene *s, const msim_comm *comm, built *b) {
   *b = (built){0};
   b->ranks = ms_ranks_create(comm, &s->alloc);
   if (!b->ranks || ms_rank_part_create(s, b->ranks, &b->part, NULL)) return "memory";
-  if (ms_whole_order_create(s, 0, &b->order, NULL)) return "memory";
+  if (ms_rank_order_create(s, b->part, 0, &b->order, NULL)) return "memory";
   if (ms_rank_part_create_island(s, b->part, &b->order, &b->islands, NULL)) return "memory";
   const ms_island island = ms_islands_get(&b->islands, 0);
   if (ms_layout_create(s, &island, &b->rows, &b->springs, &b->half_edges, NULL)) return "memory";
@@ -136,7 +136,7 @@ static void destroy(const ms_scene *s, built *b) {
   ms_angles_destroy(s, &b->angles);
   ms_layout_destroy(s, &b->rows, &b->springs, &b->half_edges);
   ms_islands_destroy(s, &b->islands);
-  ms_whole_order_destroy(s, &b->order);
+  ms_rank_order_destroy(s, &b->order);
   ms_rank_part_destroy(&s->alloc, b->part);
   ms_ranks_destroy(&s->alloc, b->ranks);
 }

@@ -287,15 +287,32 @@ static msim_scene *make_rope(const msim_allocator *alloc) {
   return scene;
 }
 
+/* The bytes of a sim in one process */
+static size_t measure_alone(void) {
+  peak_allocator m = {0};
+  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
+  const msim_options opt = options("velocity-verlet", 1e-4);
+  msim_scene *scene = make_rope(&alloc);
+  assert_non_null(scene);
+  const size_t loaded = m.live;
+  msim_sim *sim = make_sim(scene, &opt);
+  const size_t created = m.live;
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return created - loaded;
+}
+
 /* Ranks have no state of the whole scene before they are asked for it. A frame takes of each x, v,
  * what is sent and received, with the numbers of these: 48 + 2 x 12 bytes a row, and 8 bytes a
  * spring; while these are looked for 24 bytes more, and 5 a particle of the scene. Rank 0 also has
  * the text of the scene file, which it writes.
  *
- * Creation lays out the whole scene. A particle takes 4 bytes for its owner, 8 to gather a number,
+ * Rank 0 lays out the whole scene. A particle takes 4 bytes for its owner, 8 to gather a number,
  * with 8 of each own one, 21 in the orders of the scene and of the island, with the first spring of
  * each row, and 4 for the place of its next half-edge; a spring takes 4 in the island, 12 in its
- * list, 8 sorted by rows and 16 as two half-edges. */
+ * list, 8 sorted by rows and 16 as two half-edges. The others need what they keep: for each
+ * particle its owner, 8 to gather a number and 4 for its place in the order, and their part of
+ * `alone`, what one process keeps. */
 static const char *measure_rank(msim_comm *comm, void *data) {
   static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the arrays of make_rope */
   peak_allocator m = {0};
@@ -306,7 +323,7 @@ static const char *measure_rank(msim_comm *comm, void *data) {
   msim_recorder *recorder;
   msim_state whole = {.size = sizeof whole};
   msim_error why = {0};
-  (void)data;
+  const size_t *alone = data;
   opt.steps = 2, opt.every = 1, opt.comm = comm, opt.recorders = recorders, opt.threads = 1;
   pthread_mutex_lock(&lock);
   msim_scene *scene = make_rope(&alloc);
@@ -314,7 +331,10 @@ static const char *measure_rank(msim_comm *comm, void *data) {
   const size_t loaded = m.peak = m.live;
   EXPECT(scene && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
   const size_t created = m.live;
-  if (comm->nranks == 8) EXPECT(m.peak - loaded <= (77 * (size_t)ROPE + rows * 8) + 2 * rest);
+  if (comm->nranks == 8) {
+    EXPECT(m.peak - loaded <= (77 * (size_t)ROPE + rows * 8) + 2 * rest);
+    EXPECT(comm->rank == 0 || m.peak - loaded <= 16 * (size_t)ROPE + *alone / 8 + 2 * rest);
+  }
   m.peak = m.live;
   EXPECT(msim_recorder_open(sim, "rope.memory", &recorder, &why) == MSIM_OK);
   const size_t opened = m.live;
@@ -335,9 +355,10 @@ static const char *measure_rank(msim_comm *comm, void *data) {
 
 static void no_rank_has_the_whole_state(void **state) {
   (void)state;
+  size_t alone = measure_alone();
   for (int32_t n = 2; n <= MOST_RANKS; n *= 2) {
     set_failure(-1, -1);
-    const char *wrong = run_ranks(n, measure_rank, NULL);
+    const char *wrong = run_ranks(n, measure_rank, &alone);
     if (wrong) fail_msg("%d ranks: %s", n, wrong);
   }
 }

@@ -1,6 +1,6 @@
 #include "layout/angles.h"
 
-#include "layout/whole_order.h"
+#include "layout/rank_order.h"
 #include "scene/angles.h"
 
 /*------------------------------------- order ----------------------------------------------------*/
@@ -42,7 +42,7 @@ int ms_angles_sort(const ms_scene *scene, const ms_island *island, const ms_unkn
  * but no unknown has angular springs of both. */
 static int sort_by_positions(const ms_scene *scene, const ms_island *island, int32_t *angle) {
   const msim_allocator *alloc = &scene->alloc;
-  const ms_whole_order *order = island->order;
+  const ms_rank_order *order = island->order;
   ms_buckets by_position = {0};
   int32_t *to = ms_memory_allocate(alloc, (size_t)island->nangles, sizeof *to);
   for (int32_t e = 0; e < island->nangles && to; e++)

@@ -16,7 +16,7 @@
 
 enum { MS_MIN_ISLAND = 512 };
 
-struct ms_whole_order;
+struct ms_rank_order;
 
 /* The contents of an island, by their numbers in the scene, each list ascending. */
 typedef struct ms_island {
@@ -26,8 +26,8 @@ typedef struct ms_island {
   const int32_t *angle;         /* angular springs with a free corner */
   int32_t *row_scratch;         /* for each particle of the scene: scratch of ms_springs_create */
   /* A rank's part of the scene (rank_part.h); else 0 and NULL */
-  int32_t nghosts;                    /* the first `pinned`: unknowns of other ranks */
-  const struct ms_whole_order *order; /* of `free`, which are not ascending, and of half-edges */
+  int32_t nghosts;                   /* the first `pinned`: unknowns of other ranks */
+  const struct ms_rank_order *order; /* of `free`, which are not ascending, and of half-edges */
 } ms_island;
 
 typedef struct ms_islands {
@@ -35,7 +35,7 @@ typedef struct ms_islands {
   ms_buckets free, pinned, springs, angles;
   int32_t *row_scratch; /* nparticles */
   int32_t nghosts;      /* as in ms_island */
-  const struct ms_whole_order *order;
+  const struct ms_rank_order *order;
 } ms_islands;
 
 /* whole: 1 for a single island, whatever the springs connect. */

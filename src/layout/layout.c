@@ -1,7 +1,7 @@
 #include "layout/layout.h"
 
 #include "layout/order.h"
-#include "layout/whole_order.h"
+#include "layout/rank_order.h"
 
 msim_status ms_layout_create(const ms_scene *scene, const ms_island *island, ms_unknowns *rows,
                              ms_springs *springs, ms_half_edges *half_edges, msim_error *err) {
@@ -9,8 +9,7 @@ msim_status ms_layout_create(const ms_scene *scene, const ms_island *island, ms_
   msim_status status = ms_unknowns_create(scene, island, rows, err);
   if (!status) status = ms_springs_create(scene, island, rows, springs, err);
   if (!status) status = ms_adjacency_create(scene, rows, springs, &a, err);
-  if (!status && island->order)
-    status = ms_whole_order_apply(scene, island, rows, springs, &a, err);
+  if (!status && island->order) status = ms_rank_order_apply(scene, island, rows, springs, &a, err);
   else if (!status) status = ms_order_unknowns(scene, rows, springs, &a, err);
   if (!status) status = ms_half_edges_create(scene, rows, springs, &a, half_edges, err);
   ms_adjacency_destroy(scene, &a);

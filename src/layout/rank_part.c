@@ -1,7 +1,7 @@
 #include "layout/rank_part.h"
 
 #include "layout/bisection.h"
-#include "layout/whole_order.h"
+#include "layout/rank_order.h"
 
 enum { NONE = -1 };
 
@@ -106,7 +106,7 @@ static int list_springs(const ms_scene *s, const ms_rank_part *part, int32_t *to
   return ms_buckets_create(&s->alloc, s->angles.n, to, 1, &out->angles);
 }
 
-static int list_free(const ms_scene *s, const ms_rank_part *part, const ms_whole_order *order,
+static int list_free(const ms_scene *s, const ms_rank_part *part, const ms_rank_order *order,
                      int32_t *to, ms_islands *out) {
   const int32_t *particle = order->islands.particle, n = order->islands.first[order->islands.n];
   for (int32_t k = 0; k < n; k++) to[k] = is_own(part, particle[k]) ? 0 : NONE;
@@ -126,7 +126,7 @@ static int list_pinned(const ms_scene *s, const ms_rank_part *part, const int32_
   return 1;
 }
 
-static int fill_island(const ms_scene *s, const ms_rank_part *part, const ms_whole_order *order,
+static int fill_island(const ms_scene *s, const ms_rank_part *part, const ms_rank_order *order,
                        int32_t *to, int32_t *bucket, ms_islands *out) {
   for (int32_t p = 0; p < s->nparticles; p++) bucket[p] = NONE;
   return list_free(s, part, order, to, out) && list_springs(s, part, to, bucket, out) &&
@@ -139,7 +139,7 @@ static int32_t largest_of(int32_t a, int32_t b, int32_t c) {
 }
 
 msim_status ms_rank_part_create_island(const ms_scene *scene, const ms_rank_part *part,
-                                       const ms_whole_order *order, ms_islands *islands,
+                                       const ms_rank_order *order, ms_islands *islands,
                                        msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   const int32_t most = largest_of(scene->nparticles, scene->nsprings, scene->angles.n);

@@ -42,7 +42,7 @@ void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part);
  * are ghosts, by owner and then by number; free particles are in the order of `order`, which the
  * island borrows. */
 msim_status ms_rank_part_create_island(const ms_scene *scene, const ms_rank_part *part,
-                                       const struct ms_whole_order *order, ms_islands *islands,
+                                       const struct ms_rank_order *order, ms_islands *islands,
                                        msim_error *err);
 
 /* The values of all free particles, which their owners have; collective. array: 3 numbers of each

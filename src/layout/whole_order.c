@@ -1,17 +1,13 @@
 #include "layout/whole_order.h"
 
-#include <string.h>
-
 #include "layout/angles.h"
 #include "layout/half_edges.h"
 #include "layout/order.h"
 
-/* The position of a half-edge of row r in ms_whole_order.position */
+/* The index of a half-edge of row r in ms_whole_order.position */
 static size_t half_edge_index(const ms_springs *springs, int32_t r, ms_half_edge h) {
   return 2 * (size_t)springs->spring[h.spring] + (springs->i[h.spring] != r);
 }
-
-/*------------------------------------- one process ----------------------------------------------*/
 
 static msim_status record_split_rows(const ms_scene *scene, const ms_unknowns *rows,
                                      const ms_adjacency *a, ms_whole_order *order,
@@ -81,7 +77,7 @@ msim_status ms_whole_order_create(const ms_scene *scene, int whole, ms_whole_ord
   const msim_allocator *alloc = &scene->alloc;
   ms_whole_islands *all = &order->islands;
   ms_islands islands;
-  *order = (ms_whole_order){.nangles = scene->angles.n};
+  *order = (ms_whole_order){0};
   msim_status status = ms_islands_create(scene, whole, &islands, err);
   if (status) return status;
   if (!MS_NEW(alloc, all->particle, scene->nparticles) ||
@@ -101,28 +97,4 @@ void ms_whole_order_destroy(const ms_scene *scene, ms_whole_order *order) {
   ms_whole_islands_destroy(&scene->alloc, &order->islands);
   MS_FREE(&scene->alloc, order->position, order->is_split, order->angle_position);
   *order = (ms_whole_order){0};
-}
-
-/*------------------------------------- a part ---------------------------------------------------*/
-
-msim_status ms_whole_order_apply(const ms_scene *scene, const ms_island *island,
-                                 const ms_unknowns *rows, const ms_springs *springs,
-                                 ms_adjacency *a, msim_error *err) {
-  const msim_allocator *alloc = &scene->alloc;
-  const size_t n = 2 * (size_t)springs->n;
-  ms_half_edge *sorted;
-  if (!MS_NEW(alloc, sorted, n) || !MS_NEW(alloc, a->is_split, rows->stride)) {
-    ms_memory_free(alloc, sorted);
-    return ms_error_set_memory(err, "the order of the half-edges");
-  }
-  memcpy(sorted, a->half_edges, n * sizeof *sorted);
-  for (int32_t r = 0; r < rows->nfree; r++) {
-    a->is_split[r] = island->order->is_split[rows->particle[r]];
-    for (int32_t k = a->first[r]; k < a->first[r + 1]; k++)
-      sorted[a->first[r] + island->order->position[half_edge_index(springs, r, a->half_edges[k])]] =
-          a->half_edges[k];
-  }
-  ms_memory_free(alloc, a->half_edges);
-  a->half_edges = sorted;
-  return MSIM_OK;
 }

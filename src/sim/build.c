@@ -2,7 +2,7 @@
 #include "contact/contact_log.h"
 #include "contact/implicit_contact.h"
 #include "integrate/multirate.h"
-#include "layout/whole_order.h"
+#include "layout/rank_order.h"
 #include "physics/law_springs.h"
 #include "physics/rank_model.h"
 #include "physics/single.h"
@@ -43,27 +43,28 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   return events ? ms_contact_set_create(&m->model, &s->events, err) : MSIM_OK;
 }
 
-/* Those of the scene, or the part of this rank as one. order: lasts as long as they do */
-static msim_status create_islands(const msim_sim *sim, ms_whole_order *order, ms_islands *islands,
+/* Those of the scene, or the part of this rank as one, which is collective. order: lasts as long as
+ * they do */
+static msim_status create_islands(const msim_sim *sim, ms_rank_order *order, ms_islands *islands,
                                   msim_error *err) {
   const int whole = (sim->config.opt.skip_off & MSIM_SKIP_ISLANDS) != 0;
   if (!sim->part) return ms_islands_create(sim->scene, whole, islands, err);
-  const msim_status status = ms_whole_order_create(sim->scene, whole, order, err);
+  const msim_status status = ms_rank_order_create(sim->scene, sim->part, whole, order, err);
   return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
 }
 
 /* They follow from the scene and the part. */
-static void keep_whole_islands(msim_sim *sim, ms_whole_order *order) {
+static void keep_whole_islands(msim_sim *sim, ms_rank_order *order) {
   const ms_whole_islands before = sim->part->whole;
   sim->part->whole = order->islands, order->islands = before;
 }
 
 static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
   ms_islands islands = {0};
-  ms_whole_order order = {0};
+  ms_rank_order order = {0};
   msim_status status = create_islands(sim, &order, &islands, err);
   if (status) {
-    ms_whole_order_destroy(sim->scene, &order);
+    ms_rank_order_destroy(sim->scene, &order);
     return status;
   }
   sim->islands = ms_memory_allocate(&sim->alloc, (size_t)islands.n, sizeof *sim->islands);
@@ -81,7 +82,7 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
   }
   ms_islands_destroy(sim->scene, &islands);
   if (sim->part && !status) keep_whole_islands(sim, &order);
-  ms_whole_order_destroy(sim->scene, &order);
+  ms_rank_order_destroy(sim->scene, &order);
   return status;
 }
 
