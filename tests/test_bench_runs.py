@@ -119,7 +119,9 @@ class Scaling(BenchTest):
                 with self.subTest(f"{scene} {k} {solver}"):
                     self.check_row(row, scenes[scene], 2 if "2" in solver else 1)
             self.assertEqual(found["auto"]["iterations"], found["auto, 2 threads"]["iterations"])
-        self.assertEqual(set(summary), {"iterations_growth_k_to_100k"})
+        self.assertEqual(set(summary), {"iterations_growth_k_to_100k",
+                                        "batch_efficiency_explicit_cloth32",
+                                        "batch_efficiency_implicit_cloth32"})
         soft, stiff = (row["iterations"] for row in rows
                        if (row["scene"], row["solver"]) == ("cloth100", "auto"))
         self.assertAlmostEqual(summary["iterations_growth_k_to_100k"], stiff / soft)

@@ -3,8 +3,9 @@
 # minutes at most, and --full takes all, and what takes longer or depends on chance. tools/packages has
 # what each slice needs, under its name.
 turns=("clang_bits documentation player" "kills debian" "quick_benches recipes"
-  "failing_allocations paraview" sanitized_runs "sanitized_solvers thread_sanitizer" coverage
-  memory_errors memory_errors_of_newton "static_analysis instructions" fuzzing "python fully_static")
+  "failing_allocations paraview" sanitized_runs sanitized_contact
+  "sanitized_solvers thread_sanitizer" coverage memory_errors memory_errors_of_newton
+  "static_analysis instructions" fuzzing "python fully_static")
 read -ra slices <<<"${turns[*]} wheels mutations"
 
 # The number of commits chooses, so that neighbouring commits take different turns; in a shallow
@@ -44,7 +45,7 @@ recipes() {
   done
 }
 
-quick_benches() { tests release -R '^bench_quick$'; }
+quick_benches() { tests release -R '^bench_(quick|runs|pictures)$'; }
 
 # The distribution's ParaView opens what it can open of the trajectories.
 paraview() { tests release -R '^paraview$'; }
@@ -53,15 +54,14 @@ paraview() { tests release -R '^paraview$'; }
 failing_allocations() { MSIM_LONG_TESTS=1 tests release -L long; }
 
 # What the address sanitizer does not see in the default run
-sanitized_runs() {
+# sanitized REGEX: these tests under address and undefined-behaviour sanitizers
+sanitized() {
   build asan asan -DMSIM_TEST_TIMEOUT=600
-  tests asan -LE full -R "$long_runs" -E 'sundials|klu'
+  tests asan -LE full -R "$1"
 }
-
-sanitized_solvers() {
-  build asan asan -DMSIM_TEST_TIMEOUT=600
-  tests asan -LE full -R '(conformance|oracle|solver)_(sundials.*|klu)$'
-}
+sanitized_runs() { sanitized "$long_runs"; }
+sanitized_contact() { sanitized "$long_contact"; }
+sanitized_solvers() { sanitized "$long_solvers"; }
 
 # Speeds, and results that other builds have seen, tell nothing about threads.
 thread_sanitizer() {
