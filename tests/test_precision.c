@@ -5,6 +5,7 @@
 
 #include "checkpoints.h"
 #include "failing_allocator.h"
+#include "scene/scene.h"
 
 #define U (FLT_EPSILON / 2) /* the largest relative error of an operation */
 
@@ -232,6 +233,27 @@ static void checkpoints_have_the_origin(void **state) {
   msim_sim_destroy(sim), msim_sim_destroy(other), msim_scene_destroy(scene);
 }
 
+/* Pinned particles are where the scene has them, whatever the origin: a state may be set again. */
+static void pinned_particles_stay_exactly(void **state) {
+  (void)state;
+  msim_scene *scene = scene_of(0);
+  const msim_options opt = single_options("velocity-verlet", 1e-3);
+  const ms_scene *s = scene->data;
+  double x[300];
+  unsigned seed = 3;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_state now = state_of(sim);
+  for (int i = 0; i < 3 * now.n; i++) x[i] = now.x[i] + (s->pinned[i / 3] ? 0 : uniform(&seed) / 7);
+  now.x = x;
+  assert_ok(msim_sim_set_state(sim, &now, err));
+  assert_ok(msim_sim_step(sim, 37, err));
+  now = state_of(sim);
+  for (int p = 0; p < now.n; p++)
+    if (s->pinned[p]) assert_memory_equal(now.x + 3 * p, s->x + 3 * p, 3 * sizeof *s->x);
+  assert_ok(msim_sim_set_state(sim, &now, err));
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 /* A checkpoint continues with the same precision only. */
 static void checkpoints_of_another_precision_are_refused(void **state) {
   (void)state;
@@ -424,6 +446,7 @@ int main(void) {
                                      cmocka_unit_test(particles_bounce),
                                      cmocka_unit_test(start_is_not_rounded),
                                      cmocka_unit_test(checkpoints_have_the_origin),
+                                     cmocka_unit_test(pinned_particles_stay_exactly),
                                      cmocka_unit_test(checkpoints_of_another_precision_are_refused),
                                      cmocka_unit_test(memory_may_run_out),
                                      cmocka_unit_test(unstable_runs_end_as_in_double_precision),

@@ -125,10 +125,12 @@ static void gather(const ms_model *model, const double *array, const double orig
     }
 }
 
+/* Of the unknowns: pinned particles keep what gather() has left in the room of positions, as their
+ * pairs may have lost digits. */
 static void widen(const ms_model *model, const float *vec, const double origin[3], double *to) {
   const ms_unknowns *rows = &model->unknowns;
   for (int32_t c = 0; c < rows->dims; c++)
-    for (int32_t r = 0; r < rows->stride; r++) {
+    for (int32_t r = 0; r < rows->nfree; r++) {
       const size_t at = (size_t)c * (size_t)rows->stride + (size_t)r;
       to[at] = value(rows, vec + at, origin[rows->axis[c]]);
     }

@@ -53,8 +53,8 @@ void ms_single_gather_v(const ms_model *model, const double *array, void *vec);
 const double *ms_single_get_x(const ms_model *model, const void *vec);
 const double *ms_single_get_v(const ms_model *model, const void *vec);
 
-/* For models in single precision: the same to a vector of the caller; and back to the stepper the
- * numbers of single->x and v that differ from its own */
+/* For models in single precision: the unknowns likewise to a vector of the caller; and back to the
+ * stepper the numbers of single->x and v that differ from its own */
 void ms_single_widen_x(const ms_model *model, const void *vec, double *to);
 void ms_single_widen_v(const ms_model *model, const void *vec, double *to);
 void ms_single_take_changes(const ms_model *model, void *x, void *v);
