@@ -76,8 +76,10 @@ enum {
  * functions of msim.h return are doubles in any case. */
 enum {
   MSIM_PRECISION_DOUBLE = 0,
-  MSIM_PRECISION_SINGLE = 1 /* floats, for explicit methods up to order 4 with steps of h, in scenes
-                               of springs without laws: faster, with errors of some 1e-5 */
+  MSIM_PRECISION_SINGLE = 1, /* floats, for explicit methods up to order 4 with steps of h, in
+                                scenes of springs without laws: faster, with errors of some 1e-5 */
+  MSIM_PRECISION_AUTO = 2    /* floats where integrator = auto chooses a method that keeps tol with
+                                them; else doubles, as with every method that is named */
 };
 
 /* Initial v(-h/2) of `verlet`. */
@@ -158,7 +160,7 @@ typedef struct msim_options {
    * [NULL] */
   const msim_comm *comm;
   const char *solver_options; /* for the library behind the solver, in its own words; NULL: none */
-  int32_t precision;          /* MSIM_PRECISION_... [DOUBLE] */
+  int32_t precision;          /* MSIM_PRECISION_... [AUTO] */
 } msim_options;
 
 /* Set all options to their defaults; size: sizeof(msim_options). MSIM_ERR_SIZE: it is too small for

@@ -171,9 +171,9 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   msim_status status = check_values("k", n, k, err);
   if (!status) status = check_values("rest", n, rest, err);
   if (!status) status = check_values("damping", n, damping, err);
+  if (!status && ms_sim_selects(sim)) return restart_with_springs(sim, k, rest, damping, err);
   if (!status && sim->config.opt.precision == MSIM_PRECISION_SINGLE)
     status = ms_single_check_springs(n, k, rest, damping, err);
-  if (!status && ms_sim_selects(sim)) return restart_with_springs(sim, k, rest, damping, err);
   if (!status && damping) status = ms_sim_check_method_forces(sim, damping, err);
   if (!status)
     status = sim->config.integrator->convert_state

@@ -208,13 +208,17 @@ static int is_ignored(const char *name) {
   return 0;
 }
 
-/* The options as the caller gave them, where `auto` or ranks have replaced some. */
+/* The options as the caller gave them, where `auto` or ranks have replaced some; of a named method,
+ * precision = auto is double. */
 static msim_options requested_options(const msim_sim *sim) {
   msim_options opt = sim->config.opt;
   opt.solver = sim->solver;
   if (ms_sim_selects(sim)) {
     opt.integrator = MS_AUTO, opt.tol = sim->config.choice.tol, opt.h = MSIM_H_AUTO;
     opt.collision = sim->config.choice.collision;
+    opt.precision = sim->config.choice.precision;
+  } else if (opt.precision == MSIM_PRECISION_AUTO) {
+    opt.precision = MSIM_PRECISION_DOUBLE;
   }
   return opt;
 }

@@ -6,6 +6,7 @@
 #include "checkpoint/saved_scene.h"
 #include "layout/planar.h"
 #include "sim/frames.h"
+#include "sim/precision_check.h"
 #include "sim/rank_sim.h"
 
 /*------------------------------------- checks ---------------------------------------------------*/
@@ -45,7 +46,13 @@ static void check_choice(ms_archive *b, const msim_sim *sim, const ms_saved_run 
   ms_archive_check(b, there->tol == here->tol && there->collision == here->collision,
                    "tol or collision of the choice of a method");
   if (ms_archive_failed(b)) return;
-  const int controlled = there->candidates[there->best].error_control;
+  const ms_candidate *best = &there->candidates[there->best];
+  const int controlled = best->error_control;
+  ms_archive_check(
+      b,
+      best->precision == MSIM_PRECISION_DOUBLE ||
+          (here->precision == MSIM_PRECISION_AUTO && !ms_precision_find_obstacle(sim->scene)),
+      "the precision");
   ms_archive_check(b, r->tol == (controlled ? there->tol : 0), "tol");
   ms_archive_check(b, r->first_h > 0, "the step");
 }
@@ -83,6 +90,7 @@ static msim_status plan_run(msim_sim *sim, const ms_saved_run *r, msim_error *er
     sim->config.choice = r->choice;
     sim->config.integrator = saved_method(sim, r);
     sim->config.opt.collision = r->choice.candidates[r->choice.best].collision;
+    sim->config.opt.precision = r->choice.candidates[r->choice.best].precision;
     sim->config.opt.integrator = sim->config.integrator->entry.name;
     sim->config.opt.tol = r->tol, sim->config.opt.h = r->first_h;
     sim->config.step_limit =

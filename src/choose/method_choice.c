@@ -9,7 +9,9 @@
 #include "linear/iteration_estimate.h"
 #include "sim/step_driver.h"
 #include "choose/pilot_run.h"
+#include "choose/precision_choice.h"
 #include "choose/rejection_reasons.h"
+#include "choose/verification_setup.h"
 
 /* The impacts of so many particles are few enough to be located one by one; steps of dop853 that
  * show what its error control costs where no plane counts */
@@ -85,11 +87,13 @@ static double longest_to_locate(const ms_pilot_run *p, const ms_integrator *meth
   return limit > 0 ? fmin(longest_trial_step(p, method), limit) : longest_trial_step(p, method);
 }
 
-/* Set the evaluations of steps of c->h, and their cost. */
+/* Set the evaluations of steps of c->h, and their cost: with floats about half of that with
+ * doubles. */
 static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
   if (c->method->stages)
     c->step_cost = c->method->stages(c->h, ms_bounds_compute_island(ms_pilot_run_model(p)));
   c->cost_rate = c->step_cost / c->h + candidate_list[i].first / p->span;
+  if (c->precision == MSIM_PRECISION_SINGLE) c->cost_rate /= 2;
 }
 
 /* The limit of stability that damping sets holds in every state; in most, error control takes steps
@@ -117,6 +121,7 @@ static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
                       .step_cost = candidate_list[i].evaluations[p->damped],
                       .cost_rate = INFINITY,
                       .rejection = find_rejection(p, i)};
+  if (ms_precision_choice_allows(p, c)) c->precision = MSIM_PRECISION_SINGLE;
   if (c->step_cost == 0 || c->rejection) return;
   const double LOOSE = is_limit_loose(p) ? 2.5 : 1;
   if (controlled) c->h = fmin(LOOSE * ms_pilot_run_stable_step(p, c->method), p->span / 10);
@@ -172,6 +177,7 @@ static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *
   opt.size = sizeof opt;
   opt.integrator = method->entry.name;
   opt.collision = MSIM_COLLISION_REFLECT;
+  opt.precision = MSIM_PRECISION_DOUBLE;
   opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
   opt.watch = MSIM_WATCH_OFF;
   return ms_sim_create(&scene, &opt, NULL, sim, err);
@@ -355,54 +361,6 @@ static msim_status consider_implicit(ms_pilot_run *p, const ms_candidate *best, 
 
 /*------------------------------------- the choice -----------------------------------------------*/
 
-/* The largest error of a step without an event; if there is none, the least error */
-static double usual_error(const ms_step_measurement *s, int n, double event) {
-  double largest = 0, least = INFINITY;
-  for (int i = 0; i < n; i++) {
-    least = fmin(least, s[i].error);
-    if (s[i].error <= event) largest = fmax(largest, s[i].error);
-  }
-  return largest > 0 ? largest : least;
-}
-
-/* 1: a step with impacts has an error of the order of other steps, which the trial has measured as
- * it passes impacts: reflection makes all steps of order 1, and the paths of velocity Verlet are of
- * its order 2. Of few particles a single impact may still be an event. */
-static int impacts_keep_order(const ms_pilot_run *p, const ms_candidate *c) {
-  return c->collision == MSIM_COLLISION_REFLECT || (p->many && c->method == &ms_velocity_verlet);
-}
-
-/* Set the difference from their halves that verified steps may have (step_verification.h): 50 e
- * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
- * and no plane is near. e: that of a step at the choice; E: the error foreseen without the growth
- * to come. A measured step may contain an event, whose error and indicators are not typical: so
- * several are measured, but only one of many particles, where all steps are alike. */
-static msim_status set_verification(ms_pilot_run *p, const ms_candidate *c, ms_step_verification *v,
-                                    msim_error *err) {
-  const double CARE = 50, SOME = 4, event = p->tol / 4;
-  const int n = p->many ? 1 : MS_MEASURED_STEPS;
-  ms_step_measurement s[MS_MEASURED_STEPS];
-  v->scales = p->scales;
-  v->planes_far = ms_scene_has_obstacles(p->sim->scene) && !p->planes_count;
-  if (c->error_control || !ms_control_is_supported(c->method)) return MSIM_OK;
-  if (p->planes_count && impacts_keep_order(p, c)) return MSIM_OK;
-  v->only_events = p->planes_count && p->many;
-  if (v->only_events) v->allowed = p->tol / MS_EVENTS_PER_RUN;
-  if (v->only_events) return MSIM_OK;
-  const ms_trial trial = make_trial(p, c);
-  msim_status status = ms_pilot_run_measure_steps(p, &trial, n, s, err);
-  if (status) return status;
-  const double share = p->tol * c->h / p->span;
-  const double foreseen = fmax(c->error / p->error_growth, DBL_MIN);
-  const double even = usual_error(s, n, event) * p->tol / foreseen;
-  const double most = p->planes_count || !p->many ? event : fmax(event, SOME * even);
-  v->allowed = fmin(most, fmax(share, CARE * even));
-  for (int i = 0; i < n; i++)
-    for (int k = 0; k < 2 && s[i].error <= v->allowed; k++)
-      v->indicator[k] = fmax(v->indicator[k], s[i].indicator[k]);
-  return MSIM_OK;
-}
-
 static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
   ms_candidate *c = s->candidates;
   msim_status status = choose_explicit(p, s, err);
@@ -410,7 +368,8 @@ static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_erro
   if (c[MULTIRATE].cost_rate < c[s->best].cost_rate) s->best = MULTIRATE;
   if (!status) status = consider_implicit(p, &c[s->best], &c[IMPLICIT], err);
   if (c[IMPLICIT].cost_rate < c[s->best].cost_rate) s->best = IMPLICIT;
-  if (!status) status = set_verification(p, &c[s->best], &s->verification, err);
+  const ms_trial best = make_trial(p, &c[s->best]);
+  if (!status) status = ms_verification_setup_measure(p, &c[s->best], &best, &s->verification, err);
   s->pilot_time = p->duration, s->total_cost = p->cost, s->damped = p->damped;
   return status;
 }
@@ -436,6 +395,7 @@ static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_cho
   sim->config.opt.tol = c->error_control ? s->tol : 0;
   sim->config.opt.h = fmin(c->h, reach);
   sim->config.opt.collision = c->collision;
+  sim->config.opt.precision = c->precision;
   sim->config.step_limit = (ms_step_limit){.bounds = p->bounds,
                                            .limit = reach / MS_STABLE_FRACTION,
                                            .tightness = 2,
@@ -445,10 +405,13 @@ static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_cho
 
 msim_status ms_method_choice_make(msim_sim *sim, int late, const msim_state *start,
                                   msim_error *err) {
-  ms_method_choice s = {
-      .tol = sim->config.choice.tol, .collision = sim->config.choice.collision, .substeps = 1};
+  ms_method_choice s = {.tol = sim->config.choice.tol,
+                        .collision = sim->config.choice.collision,
+                        .precision = sim->config.choice.precision,
+                        .substeps = 1};
   ms_pilot_run p;
   msim_status status = ms_pilot_run_begin(sim, s.tol, late, start, &p, err);
+  if (!status) s.single_error = p.single_error = ms_precision_choice_estimate_error(&p);
   if (!status) status = choose_method(&p, &s, err);
   if (!status) use_choice(sim, &p, &s);
   ms_pilot_run_end(&p);
@@ -464,11 +427,13 @@ static void archive_candidate(ms_archive *b, int i, ms_candidate *c) {
   for (int k = 0; k < 4; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
   for (int k = 0; k < 3; k++) MS_ARCHIVE_TRANSFER(b, *flags[k]);
   MS_ARCHIVE_TRANSFER(b, c->collision);
+  MS_ARCHIVE_TRANSFER(b, c->precision);
   ms_archive_check(
       b,
       c->rejection >= 0 && c->rejection < MS_REASON_COUNT &&
           c->error_control == (i == IMPLICIT || i == ERROR_CONTROLLED) &&
-          (c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT),
+          (c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT) &&
+          (c->precision == MSIM_PRECISION_DOUBLE || ms_precision_choice_takes(c)),
       "the choice of a method");
 }
 
@@ -479,8 +444,8 @@ static int may_be_best(const ms_candidate *c) {
 }
 
 void ms_method_choice_archive(ms_archive *b, ms_method_choice *s) {
-  double *numbers[] = {&s->tol, &s->pilot_time, &s->total_cost};
-  for (int k = 0; k < 3; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
+  double *numbers[] = {&s->tol, &s->pilot_time, &s->total_cost, &s->single_error};
+  for (int k = 0; k < 4; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
   MS_ARCHIVE_TRANSFER(b, s->best);
   MS_ARCHIVE_TRANSFER(b, s->collision);
   MS_ARCHIVE_TRANSFER(b, s->damped);

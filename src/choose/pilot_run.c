@@ -89,6 +89,7 @@ static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, m
   opt.size = sizeof opt;
   opt.integrator = widest->entry.name;
   opt.collision = collision;
+  opt.precision = MSIM_PRECISION_DOUBLE;
   opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
   opt.watch = MSIM_WATCH_OFF;
   opt.newton_retries = 2; /* for memory of half steps */

@@ -44,6 +44,7 @@ typedef struct ms_pilot_run {
   int few, many;                 /* one event determines the error, or none does */
   double remaining;              /* s: the run from shortly before the first impact on, or all of
                                       it */
+  double single_error;           /* of floats at the end of the run (precision_choice.h) */
   double cost;                   /* cost of everything tried, in evaluations of all springs */
   msim_sim *sims[2];             /* by `collision`; created when needed */
 } ms_pilot_run;

@@ -8,6 +8,7 @@
 #include "integrate/multirate.h"
 #include "linear/aggregates.h"
 #include "choose/method_choice.h"
+#include "choose/precision_choice.h"
 #include "report/overview.h"
 #include "scene/laws.h"
 #include "sim/frames.h"
@@ -256,13 +257,6 @@ static void explain_collisions(const msim_sim *sim, ms_text *out) {
                    "1 at each impact\n");
 }
 
-static void explain_precision(const msim_sim *sim, ms_text *out) {
-  if (sim->config.opt.precision == MSIM_PRECISION_SINGLE)
-    ms_text_append(out,
-                   "precision     single: steps compute with floats, positions from the middle of "
-                   "each island\n");
-}
-
 static void explain_threads(const msim_sim *sim, ms_text *out) {
   const int32_t threads = ms_pool_thread_count(sim->pool), planned = sim->threads_planned;
   ms_text_append(out, "threads       %d: ", threads);
@@ -439,7 +433,7 @@ msim_status msim_sim_explain(msim_sim *sim, const char **text, msim_error *err) 
   explain_method(sim, out);
   explain_split(sim, out);
   explain_collisions(sim, out);
-  explain_precision(sim, out);
+  ms_precision_choice_explain(sim, out);
   explain_threads(sim, out);
   explain_solver(sim, out);
   explain_skips(sim, out);

@@ -14,8 +14,9 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
     ms_text_append(out, "rejected%s: %s\n", located, ms_rejection_reasons_text(c->rejection));
     return;
   }
-  ms_text_append(out, "h = %-8.3g %5.4g evaluations per step, %s%8.4g per simulated second%s%s\n",
+  ms_text_append(out, "h = %-8.3g %5.4g evaluations per step, %s%8.4g per simulated second%s%s%s\n",
                  c->h, c->step_cost, c->tried || c->error > 0 ? "" : "at least ", c->cost_rate,
+                 c->precision == MSIM_PRECISION_SINGLE ? ", half as expensive with floats" : "",
                  located,
                  !is_best           ? ""
                  : c->error_control ? ": chosen, with error control"

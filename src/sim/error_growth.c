@@ -11,13 +11,17 @@
 enum { FEW_SPRINGS = 128 };
 static const double LENGTH = 1e-7; /* the length that d is scaled to */
 
+int ms_error_growth_is_measurable(const ms_model *model) {
+  return model->springs.n <= FEW_SPRINGS || model->scene->nplanes;
+}
+
 msim_status ms_error_growth_create(const msim_sim *sim, const ms_model *model, ms_disturbance *d,
                                    msim_error *err) {
   const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
   if (sim->config.opt.watch != MSIM_WATCH_ON || !has_tol) return MSIM_OK;
   if (ms_scene_has_function(sim->scene)) return MSIM_OK; /* called by steps only */
   if (sim->part) return MSIM_OK;                         /* ranks would have to agree */
-  if (model->springs.n > FEW_SPRINGS && !sim->scene->nplanes) return MSIM_OK;
+  if (!ms_error_growth_is_measurable(model)) return MSIM_OK;
   if (MS_NEW_VECTORS(sim->scene, &model->unknowns, &d->dx, &d->dv, &d->x, &d->v, &d->a, &d->f))
     return MSIM_OK;
   return ms_error_set_memory(err, "the growth of errors");

@@ -63,8 +63,11 @@ typedef struct ms_error_growth {
 struct msim_sim;
 struct ms_island_sim;
 
-/* Allocate vectors if options.watch is on, there is a tol, and the island has few springs or may
- * meet planes. MSIM_ERR_MEMORY. */
+/* 1: the island has few springs or may meet planes. */
+int ms_error_growth_is_measurable(const ms_model *model);
+
+/* Allocate vectors if options.watch is on, there is a tol, and the growth is measurable.
+ * MSIM_ERR_MEMORY. */
 msim_status ms_error_growth_create(const struct msim_sim *sim, const ms_model *model,
                                    ms_disturbance *d, msim_error *err);
 void ms_error_growth_destroy(const ms_model *model, ms_disturbance *d);

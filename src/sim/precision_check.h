@@ -8,4 +8,9 @@
  * MSIM_ERR_ARG: a number of the scene does not fit. */
 msim_status ms_precision_check(const msim_sim *sim, msim_error *err);
 
+/* What of the scene needs doubles with any method, "angular springs"; NULL: nothing */
+const char *ms_precision_find_obstacle(const ms_scene *scene);
+
+int ms_precision_supports_method(const ms_integrator *method);
+
 #endif

@@ -53,6 +53,7 @@ static msim_status set_auto(msim_sim *sim, msim_error *err) {
   if (sim->config.opt.tol == 0) sim->config.opt.tol = MS_DEFAULT_TOL;
   sim->config.choice.tol = sim->config.opt.tol;
   sim->config.choice.collision = sim->config.opt.collision;
+  sim->config.choice.precision = sim->config.opt.precision;
   return MSIM_OK;
 }
 

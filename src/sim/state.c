@@ -64,7 +64,9 @@ static void start_island(msim_sim *sim, ms_island_sim *m, const msim_state *stat
   if (m->model.pins) ms_moving_pins_set(&m->model, (ms_instant){.t = s->t}, s->x, s->v);
   m->at_rest = 0;
   if (ms_sim_has_control(sim) || ms_sim_selects(sim))
-    ms_norm_measure_scales(&m->model, s->x, s->v, ms_plan_span(&sim->config.plan), &m->norm);
+    ms_norm_measure_scales(&m->model, ms_single_get_x(&m->model, s->x),
+                           ms_single_get_v(&m->model, s->v), ms_plan_span(&sim->config.plan),
+                           &m->norm);
   ms_error_growth_start_island(m);
   s->h = sim->run.h;
   s->cached_stage = 0;

@@ -4,6 +4,7 @@
 
 #include "base/vec3.h"
 #include "physics/signed_distance.h"
+#include "physics/single.h"
 #include "contact/contact_set.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
@@ -287,11 +288,13 @@ static double find_plane_distance(const msim_sim *sim, double *speed, double *ac
   const double g = ms_external_acceleration(&scene->external);
   double gap = INFINITY, fastest = 0;
   *acceleration = g;
-  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    const double *all_x = ms_single_get_x(&m->model, m->stepper.x),
+                 *all_v = ms_single_get_v(&m->model, m->stepper.v);
     for (int32_t r = 0; r < m->model.unknowns.nfree; r++) {
       double x[3], v[3], unused[3];
-      ms_unknowns_get(&m->model.unknowns, m->stepper.x, r, x);
-      ms_unknowns_get(&m->model.unknowns, m->stepper.v, r, v);
+      ms_unknowns_get(&m->model.unknowns, all_x, r, x);
+      ms_unknowns_get(&m->model.unknowns, all_v, r, v);
       fastest = fmax(fastest, ms_vec3_dot(v, v));
       *acceleration = fmax(*acceleration, g + ms_model_force_acceleration(&m->model, r));
       for (int32_t p = 0; p < scene->nplanes; p++)
@@ -299,6 +302,7 @@ static double find_plane_distance(const msim_sim *sim, double *speed, double *ac
       for (int32_t i = 0; i < scene->ncolliders; i++)
         gap = fmin(gap, ms_signed_distance(&scene->solids[i], x, unused));
     }
+  }
   *speed = sqrt(fastest);
   return gap;
 }
