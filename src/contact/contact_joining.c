@@ -9,7 +9,8 @@
 #include "physics/rank_model.h"
 #include "physics/signed_distance.h"
 
-void ms_contact_joining_add_planes(const ms_stepper *s, int32_t row, ms_plane_set *on) {
+/* Adds the planes that an unknown is behind at the end of the step to `on`. */
+static void add_planes(const ms_stepper *s, int32_t row, ms_plane_set *on) {
   const ms_collision_planes planes = ms_contact_set_planes(s);
   double x[3];
   ms_unknowns_get(&s->model->unknowns, s->x_next, row, x);
@@ -27,6 +28,33 @@ static void add_tangents(ms_stepper *s, ms_contact *c) {
     if (ms_solid_contact_meets(s, c->row, c, i, at)) ms_contact_set_add_tangent(s, c, i, at);
 }
 
+int ms_contact_joining_is_new(const ms_stepper *s, int32_t row, const ms_contact *c) {
+  ms_plane_set on = c ? c->on : (ms_plane_set){0};
+  const int before = on.n;
+  double at[3];
+  add_planes(s, row, &on);
+  for (int32_t i = 0; i < s->events->near.nsolids && on.n == before; i++)
+    if (ms_solid_contact_meets(s, row, c, i, at)) return 1;
+  return on.n > before;
+}
+
+/* The unknowns that may meet obstacles in the step; planes: outlives it */
+static ms_broad_phase begin_broad_phase(const ms_stepper *s, const ms_collision_planes *planes) {
+  return (ms_broad_phase){
+      .model = s->model, .planes = planes, .x = s->x, .x_end = s->x_next, .h = s->h};
+}
+
+int ms_contact_joining_any_is_new(const ms_stepper *s) {
+  const ms_collision_planes planes = ms_contact_set_planes(s);
+  ms_broad_phase near = begin_broad_phase(s, &planes);
+  int32_t next = 0;
+  int found = 0;
+  for (int32_t r = ms_broad_phase_next(&near, 0); r < s->model->unknowns.nfree && !found;
+       r = ms_broad_phase_next(&near, r + 1))
+    found = ms_contact_joining_is_new(s, r, ms_contact_set_lookup(s->events, r, &next));
+  return ms_rank_model_any(s->model, found);
+}
+
 static int compare_rows(const void *a, const void *b) {
   const ms_contact *first = a, *second = b;
   return (first->row > second->row) - (first->row < second->row);
@@ -36,14 +64,13 @@ int32_t ms_contact_joining_add_penetrating(ms_stepper *s, int keeps) {
   ms_contact_set *e = s->events;
   int32_t nnew = 0, changed = 0, next = 0;
   const ms_collision_planes planes = ms_contact_set_planes(s);
-  ms_broad_phase near = {
-      .model = s->model, .planes = &planes, .x = s->x, .x_end = s->x_next, .h = s->h};
+  ms_broad_phase near = begin_broad_phase(s, &planes);
   for (int32_t r = ms_broad_phase_next(&near, 0); r < s->model->unknowns.nfree;
        r = ms_broad_phase_next(&near, r + 1)) {
     ms_contact *c = ms_contact_set_lookup(e, r, &next);
     ms_contact with = c ? *c : (ms_contact){.row = r, .is_prescribed = 1};
     const int before = with.on.n;
-    ms_contact_joining_add_planes(s, r, &with.on);
+    add_planes(s, r, &with.on);
     add_tangents(s, &with);
     if (with.on.n == before) continue;
     changed++;

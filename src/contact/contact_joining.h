@@ -4,8 +4,12 @@
 
 #include "contact/contact_set.h"
 
-/* Adds the planes that an unknown is behind at the end of the step, s->x_next, to `on`. */
-void ms_contact_joining_add_planes(const ms_stepper *s, int32_t row, ms_plane_set *on);
+/* 1: at the end of the step, s->x_next, the unknown is behind a plane, or has met a solid, that its
+ * contact c, nullable, does not have. */
+int ms_contact_joining_is_new(const ms_stepper *s, int32_t row, const ms_contact *c);
+
+/* 1: that is so of some unknown of any rank. Collective */
+int ms_contact_joining_any_is_new(const ms_stepper *s);
 
 /* Adds particles that end behind planes or meet solids to the contact set, sorted by row; keeps:
  * they keep their distances. Returns the number of contacts of this rank that are new or have new

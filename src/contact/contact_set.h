@@ -65,15 +65,16 @@ typedef struct ms_contact_set {
   msim_plane *tangent; /* MS_MAX_TANGENTS for each unknown: those of contacts */
   int32_t *solid;      /* the same: index of the solid to which it is tangent */
   double *x, *v;
-  const double *guess;     /* NULL, or that of the next linear solve */
-  int continues;           /* 1: the next linear solve is one more of the same step */
-  double draft_rtol;       /* 0, or the least tolerance of the next linear solve */
-  int32_t most_iterations; /* 0, or the most iterations of the next linear solve */
-  double *a, *a_end;       /* F/m without reactions, at the start and at the end of the substep */
-  double *stage[2];        /* x and v of a stage of the dense output; scratch */
-  double *begin[2];        /* if `moved`: x and v at the start of the last step without substeps;
+  const double *guess;      /* NULL, or that of the next linear solve */
+  int continues;            /* 1: the next linear solve is one more of the same step */
+  double draft_rtol;        /* 0, or the least tolerance of the next linear solve */
+  int32_t most_iterations;  /* 0, or the most iterations of the next linear solve */
+  int may_reject, rejected; /* 1: ask, or have asked, ms_stepper_is_rejected() */
+  double *a, *a_end;        /* F/m without reactions, at the start and at the end of the substep */
+  double *stage[2];         /* x and v of a stage of the dense output; scratch */
+  double *begin[2];         /* if `moved`: x and v at the start of the last step without substeps;
                           in implicit_contact.h: [0] is v_next of the last solve */
-  int moved;               /* impacts or contacts changed the state at the start of that step */
+  int moved;                /* impacts or contacts changed the state at the start of that step */
   int method_handles_contact; /* velocity Verlet follows particle paths itself (verlet_contact.h) */
   ms_totals *parts;           /* scratch for energies */
   int a_is_known;             /* a is that of s->x, s->v */

@@ -286,13 +286,9 @@ static int is_settled(const contact_solve *j) {
   int32_t next = 0;
   for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
     const ms_contact *c = ms_contact_set_lookup(j->e, r, &next);
-    ms_plane_set on = c ? c->on : (ms_plane_set){0};
-    const int before = on.n;
-    double at[3];
-    ms_contact_joining_add_planes(j->s, r, &on);
-    if (on.n > before || (c && (c->change <= 1 || ms_solid_contact_is_off(j->s, c)))) return 0;
-    for (int32_t i = 0; i < j->e->near.nsolids; i++)
-      if (ms_solid_contact_meets(j->s, r, c, i, at)) return 0;
+    if (ms_contact_joining_is_new(j->s, r, c) ||
+        (c && (c->change <= 1 || ms_solid_contact_is_off(j->s, c))))
+      return 0;
   }
   return 1;
 }
@@ -382,8 +378,12 @@ static msim_status make_own_step(contact_solve *j, int cached, int *settled, msi
   const int is_new = s->x == j->e->x || ms_contact_set_hash(s) != j->e->contact_hash;
   s->cached_stage = ms_rank_model_any(s->model, is_new) ? 0 : cached;
   s->c = 0;
+  j->e->may_reject = j->method == &ms_implicit_euler; /* its iterate is x_next */
+  j->e->rejected = 0;
   const msim_status status = j->method->step(s, err);
+  j->e->may_reject = 0;
   if (status) return status == MSIM_NOT_CONVERGED ? MSIM_OK : status;
+  if (j->e->rejected) return MSIM_OK; /* too rough for reactions */
   j->has_solution = 1;
   if (j->method->entry.order == 1) ms_implicit_impulses_keep(s, j->v_start, !j->method->nonlinear);
   ms_contact_change_finish_substep(s);

@@ -149,6 +149,9 @@ void ms_stepper_reflect_remaining(ms_stepper *s, struct ms_contact_log *log);
 
 /* 1: particles of any rank are in contact with planes (contact_set.h); forces then depend on v. */
 int ms_stepper_has_contacts(const ms_stepper *s);
+/* 1: the step, whose x_next is roughly known, is to be made anew with other contacts, and need not
+ * be solved further. Asked once in a step; collective */
+int ms_stepper_is_rejected(ms_stepper *s);
 /* Adds the constraints of these contacts to a linear system. */
 void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec);
 

@@ -361,6 +361,12 @@ static double contraction(const newton *n) {
   return n->previous > 0 ? n->correction / n->previous : 1;
 }
 
+/* 1: the error is estimated to be at most a hundredth of the change of velocity. */
+static int is_nearly_converged(const newton *n) {
+  const double NEARLY = 1e-2, theta = fmax(n->eta, contraction(n));
+  return n->correction > 0 && theta * n->correction <= (1 - theta) * NEARLY * velocity_change(n);
+}
+
 /* If the matrix is constant, the error is A^-1 R, whose norm is below that of M^-1 R. */
 static int is_converged(const newton *n) {
   if (n->linear && n->residual <= velocity_tolerance(n)) return 1;
@@ -480,6 +486,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_er
     if (lambda < 1 || n.is_truncated) n.correction = 0;
     if (is_little) n.radius = INFINITY; /* slopes within rounding have made it small */
     if (last || is_converged(&n)) return MSIM_OK;
+    if (is_nearly_converged(&n) && ms_stepper_is_rejected(s)) return MSIM_OK;
   }
   return end_incomplete(&n, err);
 }

@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "base/clock.h"
-#include "contact/contact_set.h"
+#include "contact/contact_joining.h"
 #include "contact/reflection.h"
 #include "physics/rank_model.h"
 #include "physics/single.h"
@@ -17,6 +17,13 @@ void ms_stepper_init_stage(const ms_stepper *s, double *stage) {
 
 int ms_stepper_has_contacts(const ms_stepper *s) {
   return s->events && (s->events->ncontacts || s->events->others_have_contacts);
+}
+
+int ms_stepper_is_rejected(ms_stepper *s) {
+  ms_contact_set *e = s->events;
+  if (!e || !e->may_reject) return 0;
+  e->may_reject = 0;
+  return e->rejected = ms_contact_joining_any_is_new(s);
 }
 
 /* Without springs the matrix is a scalar for each particle, and takes no constraints. */
