@@ -1,6 +1,7 @@
 /* Tests of msim_sim_equilibrium: hanging chains against the exact discrete catenary, random nets
- * whose forces must balance, a column that buckles, a square of angles that folds, bodies that float
- * or fall, contact with a floor, every method and solver, refusals and failing allocations. */
+ * whose forces must balance, a column that buckles, a square of angles that folds, bodies that
+ * float or fall, contact with a floor, every method and solver, refusals and failing allocations.
+ */
 #include <math.h>
 
 #include "failing_allocator.h"
@@ -173,8 +174,8 @@ static void a_strut_buckles(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Four angles of 80 degrees at rest, without springs: their sum is 360 degrees in a plane, where the
- * square is in equilibrium, and less out of it. */
+/* Four angles of 80 degrees at rest, without springs: their sum is 360 degrees in a plane, where
+ * the square is in equilibrium, and less out of it. */
 static void a_square_of_angles_folds(void **state) {
   (void)state;
   const double x[12] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}, mass[4] = {1, 1, 1, 1},

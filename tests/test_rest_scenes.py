@@ -363,6 +363,38 @@ class RestScenes(CliTest):
             with self.subTest(name):
                 self.check_minimum(make())
 
+    def check_modes(self, s, x, n):
+        """w^2 of `modes` against LAPACK's of M^-1/2 K M^-1/2, to 1e-9 or 4e-14 of the largest one,
+        about an unstable state 1e-12, and K u = w^2 M u."""
+        root = np.repeat(np.sqrt(np.array(s.mass)[s.free()]), 3)
+        K = s.stiffness_matrix(x)
+        wanted = np.linalg.eigvalsh(K / np.outer(root, root))
+        n = min(n, len(wanted))
+        self.write("at.json", json.dumps({"msim": 1, "status": "ok", "step": 0, "t": 0,
+                                          "x": x.tolist(), "v": np.zeros_like(x).tolist()}))
+        self.good("modes", "scene.json", "--init", "at.json", "-n", str(n), "--json", "modes.json")
+        modes = self.final("modes.json")
+        w2 = np.sign(modes["frequency"]) * (2 * math.pi * np.array(modes["frequency"])) ** 2
+        rounding = abs(wanted).max() * (1e-12 if wanted[0] < -1e-9 * wanted[-1] else 4e-14)
+        np.testing.assert_allclose(w2, wanted[:n], rtol=1e-9, atol=rounding)
+        shape = np.array(modes["shape"])
+        self.assertEqual(abs(shape[:, s.pinned]).max(initial=0), 0)
+        u = shape[:, s.free()].reshape(n, -1)
+        left = K @ u.T / root[:, None] - w2 * u.T * root[:, None]
+        self.assertLessEqual(np.linalg.norm(left, axis=0).max(), 1e-6 * abs(wanted).max())
+        np.testing.assert_allclose(u * root ** 2 @ u.T, np.eye(n), rtol=0, atol=1e-9)
+
+    def test_modes(self):
+        """At the start, where many states are unstable, and at rest."""
+        for name, make in MINIMA.items():
+            s = make()
+            self.scene(s.json())
+            self.good("rest", "scene.json", "--final", "rest.json")
+            for n in (1, 10, 30):
+                with self.subTest(name, n=n):
+                    self.check_modes(s, np.array(s.x), n)
+                    self.check_modes(s, np.array(self.final("rest.json")["x"]), n)
+
     def test_no_equilibrium(self):
         for name, (make, words) in NONE.items():
             with self.subTest(name):

@@ -423,6 +423,11 @@ msim_status ms_solver_solve_again(ms_solver *s, double rtol, const double *b, do
   msim_status status = begin_solve(s, &spec, b);
   if (status) return status;
   s->stats->solves++;
+  if (s->linear->factorises) {
+    ms_vector_clear_all(s->system.model->shape, v);
+    status = s->linear->ops->solve(s->linear, &s->target, b, v, &s->stats->iterations, err);
+    return status ? status : check_finite(s, s->system.model->shape, v);
+  }
   status = form_right_hand_side(s, &spec, &b);
   if (!status) status = ms_refinement_solve(s, b, v, err);
   return status ? status : end_solve(s, &spec, b, v);

@@ -111,8 +111,8 @@ typedef struct ms_linear_system_spec {
 msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
                             double *v, msim_error *err);
 
-/* v = A^-1 b to the relative residual rtol, with the matrix and the factor of the last solve, which
- * succeeded */
+/* v = A^-1 b with the matrix and the factor of the last solve, which succeeded: by substitution
+ * without refinement, or, where the solver iterates, to the relative residual rtol */
 msim_status ms_solver_solve_again(ms_solver *solver, double rtol, const double *b, double *v,
                                   msim_error *err);
 
