@@ -249,6 +249,25 @@ static msim_status adapter_solve(ms_linear *base, const ms_linear_target *target
   return agree_on_backend_status(self, status, err);
 }
 
+static msim_status adapter_substitute(ms_linear *base, int32_t n, double *const *b,
+                                      double *const *y, double *room, msim_error *err) {
+  const double FINE = 1e-12;
+  adapter *self = (adapter *)base;
+  const ms_model *model = base->system->model;
+  const size_t length = (size_t)model->unknowns.dims * (size_t)model->unknowns.nfree;
+  const msim_solve_params params = {sizeof params, FINE, 1};
+  msim_solve_info info = {.size = sizeof info};
+  double *solution = room + (size_t)n * length;
+  for (int32_t i = 0; i < n; i++)
+    ms_sparse_matrix_pack(model, &self->matrix, b[i], room + (size_t)i * length);
+  const msim_status status =
+      self->table->solve(self->backend, &self->view, &params,
+                         n * (model->unknowns.dims / self->view.block), room, solution, &info);
+  for (int32_t i = 0; i < n && !status; i++)
+    ms_sparse_matrix_unpack(model, &self->matrix, solution + (size_t)i * length, y[i]);
+  return agree_on_backend_status(self, status, err);
+}
+
 static void adapter_destroy(ms_linear *base) {
   if (!base) return;
   adapter *self = (adapter *)base;
@@ -334,6 +353,7 @@ static msim_status adapter_set_up(adapter *self, const msim_options *opt, const 
   if (!status && options)
     status = convert_backend_status(self, self->table->set_options(self->backend, options), err);
   if (!status) status = choose_format(self, err);
+  self->base.substitutes = self->base.factorises && self->format != MSIM_FORMAT_NONE;
   if (!status)
     status = self->format == MSIM_FORMAT_NONE ? create_preconditioners(self, opt, err)
                                               : create_matrix(self, err);
@@ -346,6 +366,7 @@ msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
                                     .expand = adapter_expand,
                                     .factor = adapter_factor,
                                     .solve = adapter_solve,
+                                    .substitute = adapter_substitute,
                                     .set_model = adapter_set_model,
                                     .destroy = adapter_destroy};
   const msim_allocator *alloc = &system->model->scene->alloc;

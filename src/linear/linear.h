@@ -45,6 +45,10 @@ typedef struct ms_linear_ops {
   /* A y = b; y: 0 on input, the solution on output. Adds to *iterations. */
   msim_status (*solve)(ms_linear *self, const ms_linear_target *target, const double *b, double *y,
                        int64_t *iterations, msim_error *err);
+  /* A y_i = b_i for n right-hand sides, by the factorization alone, where `substitutes` is 1. room:
+   * 2 n vectors without padding. */
+  msim_status (*substitute)(ms_linear *self, int32_t n, double *const *b, double *const *y,
+                            double *room, msim_error *err);
   /* Once, before the first descend(); where that fails, destroy() may follow. Nullable. */
   msim_status (*prepare_descent)(ms_linear *self, msim_error *err);
   /* A descent direction y, b.y > 0, by conjugate gradients from y = 0, after factor() with
@@ -68,6 +72,7 @@ struct ms_linear {
   int symmetric;      /* solves symmetric systems that are not positive definite */
   int unsymmetric;    /* solves non-symmetric systems */
   int factorises;     /* factor() computes a factorization of A */
+  int substitutes;    /* substitute() is there */
   int exact;          /* solutions are exact to rounding: no check */
   int is_verified;    /* the last solve has verified that its true residual is within the target */
   double residual;    /* that residual, ||b - A y|| */

@@ -423,14 +423,22 @@ msim_status ms_solver_solve_again(ms_solver *s, double rtol, const double *b, do
   msim_status status = begin_solve(s, &spec, b);
   if (status) return status;
   s->stats->solves++;
-  if (s->linear->factorises) {
-    ms_vector_clear_all(s->system.model->shape, v);
-    status = s->linear->ops->solve(s->linear, &s->target, b, v, &s->stats->iterations, err);
-    return status ? status : check_finite(s, s->system.model->shape, v);
-  }
   status = form_right_hand_side(s, &spec, &b);
   if (!status) status = ms_refinement_solve(s, b, v, err);
   return status ? status : end_solve(s, &spec, b, v);
+}
+
+msim_status ms_solver_solve_several(ms_solver *s, double rtol, int32_t n, double *const *b,
+                                    double *const *v, double *room, msim_error *err) {
+  const int substitutes = s->linear->substitutes;
+  msim_status status =
+      substitutes ? s->linear->ops->substitute(s->linear, n, b, v, room, err) : MSIM_OK;
+  for (int32_t i = 0; i < n && !status; i++) {
+    if (substitutes) status = check_finite(s, s->system.model->shape, v[i]);
+    else status = ms_solver_solve_again(s, rtol, b[i], v[i], err);
+  }
+  if (substitutes) s->stats->solves += n;
+  return status;
 }
 
 /*------------------------------------- descent directions ---------------------------------------*/

@@ -111,10 +111,15 @@ typedef struct ms_linear_system_spec {
 msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec, const double *b,
                             double *v, msim_error *err);
 
-/* v = A^-1 b with the matrix and the factor of the last solve, which succeeded: by substitution
- * without refinement, or, where the solver iterates, to the relative residual rtol */
+/* v = A^-1 b to the relative residual rtol, with the matrix and the factor of the last solve, which
+ * succeeded */
 msim_status ms_solver_solve_again(ms_solver *solver, double rtol, const double *b, double *v,
                                   msim_error *err);
+
+/* v_i = A^-1 b_i likewise, for n right-hand sides: without refinement, where the linear solver has
+ * a factorization. room: 2 n vectors */
+msim_status ms_solver_solve_several(ms_solver *solver, double rtol, int32_t n, double *const *b,
+                                    double *const *v, double *room, msim_error *err);
 
 /* 1: specs may have a v, because springs are damped and a solver for non-symmetric matrices exists:
  * the one selected, or BiCGStab or elimination beside it. */

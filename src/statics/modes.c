@@ -22,7 +22,7 @@
 #include "statics/static_sim.h"
 #include "statics/symmetric_eigen.h"
 
-enum { EXTRA = 6, BLOCKS = 3 };
+enum { EXTRA = 6, BLOCKS = 3, SIDES = 3 };
 
 typedef struct subspace {
   msim_sim *of;  /* whose modes are wanted */
@@ -40,18 +40,21 @@ typedef struct subspace {
   double *weight;        /* most: of the vectors in a sum */
   double *root;          /* M^1/2 */
   double *scratch;
-  double omega; /* 1/s: a bound of the highest frequency */
+  double **side; /* SIDES: right-hand sides that are solved together */
+  double *room;  /* for 2 SIDES vectors */
+  double omega;  /* 1/s: a bound of the highest frequency */
 } subspace;
 
 static double norm(const subspace *s, const double *v) {
   return sqrt(ms_vector_dot(s->shape, v, v));
 }
 
-/* w = B v with the factor that is there */
-static msim_status apply_operator(const subspace *s, const double *v, double *w, msim_error *err) {
-  ms_vector_scale_rows(s->shape, s->root, v, s->scratch);
-  const msim_status status = ms_static_sim_solve_again(s->sim, s->scratch, w, err);
-  if (!status) ms_vector_scale_rows(s->shape, s->root, w, w);
+/* w = B v, for n vectors, with the factor that is there */
+static msim_status apply_operator(const subspace *s, int32_t n, double *const *v, double *const *w,
+                                  msim_error *err) {
+  for (int32_t i = 0; i < n; i++) ms_vector_scale_rows(s->shape, s->root, v[i], s->side[i]);
+  const msim_status status = ms_static_sim_solve_several(s->sim, n, s->side, w, s->room, err);
+  for (int32_t i = 0; i < n && !status; i++) ms_vector_scale_rows(s->shape, s->root, w[i], w[i]);
   return status;
 }
 
@@ -96,10 +99,11 @@ static msim_status factor_operator(subspace *s, msim_error *err) {
 static msim_status extend_basis(subspace *s, msim_error *err) {
   msim_status status = s->images ? MSIM_OK : factor_operator(s, err);
   while (s->images < s->n && !status) {
-    double *image = s->w[s->images];
+    const int32_t begin = s->images, end = s->n - begin < SIDES ? s->n : begin + SIDES;
     status = ms_static_sim_check_stop(s->of, err);
-    if (!status) status = apply_operator(s, s->v[s->images++], image, err);
-    if (!status && s->n < s->most) append_vector(s, image);
+    if (!status) status = apply_operator(s, end - begin, s->v + begin, s->w + begin, err);
+    for (; s->images < end && !status; s->images++)
+      if (s->n < s->most) append_vector(s, s->w[s->images]);
   }
   return status;
 }
@@ -231,7 +235,8 @@ static msim_status allocate_subspace(subspace *s, msim_error *err) {
   const int fits =
       allocate_vectors(s, s->most, &s->v) && allocate_vectors(s, s->most, &s->w) &&
       allocate_vectors(s, s->block, &s->u[0]) && allocate_vectors(s, s->block, &s->u[1]) &&
-      MS_NEW(&scene->alloc, s->ritz, most * most) &&
+      allocate_vectors(s, SIDES, &s->side) && MS_NEW(&scene->alloc, s->ritz, most * most) &&
+      MS_NEW(&scene->alloc, s->room, 2 * SIDES * dimension) &&
       MS_NEW(&scene->alloc, s->projected, most * most) &&
       MS_NEW(&scene->alloc, s->theta, s->block) && MS_NEW(&scene->alloc, s->weight, most) &&
       MS_NEW_VECTORS(scene, &model->unknowns, &s->root, &s->scratch);
@@ -245,7 +250,8 @@ static void free_subspace(const subspace *s) {
   free_vectors(alloc, s->most, s->w);
   free_vectors(alloc, s->block, s->u[0]);
   free_vectors(alloc, s->block, s->u[1]);
-  MS_FREE(alloc, s->ritz, s->projected, s->theta, s->weight, s->root, s->scratch);
+  free_vectors(alloc, SIDES, s->side);
+  MS_FREE(alloc, s->ritz, s->projected, s->theta, s->weight, s->root, s->scratch, s->room);
 }
 
 static msim_status compute_modes(subspace *s, msim_error *err) {

@@ -109,3 +109,8 @@ msim_status ms_static_sim_solve_definite(msim_sim *sim, double *h, const double 
 msim_status ms_static_sim_solve_again(msim_sim *sim, const double *b, double *v, msim_error *err) {
   return ms_solver_solve_again(sim->islands->stepper.solver, ACCURATE, b, v, err);
 }
+
+msim_status ms_static_sim_solve_several(msim_sim *sim, int32_t n, double *const *b,
+                                        double *const *v, double *room, msim_error *err) {
+  return ms_solver_solve_several(sim->islands->stepper.solver, ACCURATE, n, b, v, room, err);
+}

@@ -35,4 +35,8 @@ msim_status ms_static_sim_solve_definite(msim_sim *sim, double *h, const double 
 /* The same for another b, with the matrix and the factor of the last solve, which succeeded. */
 msim_status ms_static_sim_solve_again(msim_sim *sim, const double *b, double *v, msim_error *err);
 
+/* v_i = A^-1 b_i for n right-hand sides, likewise, but not refined. room: 2 n vectors */
+msim_status ms_static_sim_solve_several(msim_sim *sim, int32_t n, double *const *b,
+                                        double *const *v, double *room, msim_error *err);
+
 #endif
