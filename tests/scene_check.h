@@ -71,6 +71,31 @@ static inline msim_scene_view view_of(const msim_scene *scene) {
   return view;
 }
 
+static inline void assert_same_bits(const msim_scene *one, const msim_scene *other) {
+  const msim_scene_view a = view_of(one), b = view_of(other);
+  const size_t n = (size_t)a.nparticles, s = (size_t)a.nsprings;
+  assert_string_equal(a.name, b.name);
+  assert_int_equal(a.nparticles, b.nparticles);
+  assert_int_equal(a.nsprings, b.nsprings);
+  assert_int_equal(a.nplanes, b.nplanes);
+  assert_memory_equal(a.x, b.x, 3 * n * sizeof *a.x);
+  assert_memory_equal(a.v, b.v, 3 * n * sizeof *a.v);
+  assert_memory_equal(a.mass, b.mass, n * sizeof *a.mass);
+  assert_memory_equal(a.pinned, b.pinned, n);
+  if (s) assert_memory_equal(a.ij, b.ij, 2 * s * sizeof *a.ij);
+  if (s) assert_memory_equal(a.k, b.k, s * sizeof *a.k);
+  if (s) assert_memory_equal(a.rest, b.rest, s * sizeof *a.rest);
+  if (s) assert_memory_equal(a.damping, b.damping, s * sizeof *a.damping);
+  assert_int_equal(a.nfaces, b.nfaces);
+  if (a.nfaces) assert_memory_equal(a.faces, b.faces, 3 * (size_t)a.nfaces * sizeof *a.faces);
+  if (a.nplanes) assert_memory_equal(a.planes, b.planes, (size_t)a.nplanes * sizeof *a.planes);
+  assert_int_equal(a.ncolliders, b.ncolliders);
+  if (a.ncolliders)
+    assert_memory_equal(a.colliders, b.colliders, (size_t)a.ncolliders * sizeof *a.colliders);
+  assert_memory_equal(a.gravity, b.gravity, sizeof a.gravity);
+  assert_memory_equal(&a.drag, &b.drag, sizeof a.drag);
+}
+
 /* The call returns MSIM_ERR_ARG, its message contains `words`, and the scene is unchanged. */
 #define assert_refused(scene, call, words)                                                  \
   do {                                                                                      \

@@ -9,7 +9,6 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "peak_allocator.h"
 #include "scene_check.h"
 #include "scenes.h"
 
@@ -80,31 +79,6 @@ static void write_with(mangler *mangle) {
 }
 
 /*------------------------------------- content --------------------------------------------------*/
-
-static void assert_same_bits(const msim_scene *one, const msim_scene *other) {
-  const msim_scene_view a = view_of(one), b = view_of(other);
-  const size_t n = (size_t)a.nparticles, s = (size_t)a.nsprings;
-  assert_string_equal(a.name, b.name);
-  assert_int_equal(a.nparticles, b.nparticles);
-  assert_int_equal(a.nsprings, b.nsprings);
-  assert_int_equal(a.nplanes, b.nplanes);
-  assert_memory_equal(a.x, b.x, 3 * n * sizeof *a.x);
-  assert_memory_equal(a.v, b.v, 3 * n * sizeof *a.v);
-  assert_memory_equal(a.mass, b.mass, n * sizeof *a.mass);
-  assert_memory_equal(a.pinned, b.pinned, n);
-  if (s) assert_memory_equal(a.ij, b.ij, 2 * s * sizeof *a.ij);
-  if (s) assert_memory_equal(a.k, b.k, s * sizeof *a.k);
-  if (s) assert_memory_equal(a.rest, b.rest, s * sizeof *a.rest);
-  if (s) assert_memory_equal(a.damping, b.damping, s * sizeof *a.damping);
-  assert_int_equal(a.nfaces, b.nfaces);
-  if (a.nfaces) assert_memory_equal(a.faces, b.faces, 3 * (size_t)a.nfaces * sizeof *a.faces);
-  if (a.nplanes) assert_memory_equal(a.planes, b.planes, (size_t)a.nplanes * sizeof *a.planes);
-  assert_int_equal(a.ncolliders, b.ncolliders);
-  if (a.ncolliders)
-    assert_memory_equal(a.colliders, b.colliders, (size_t)a.ncolliders * sizeof *a.colliders);
-  assert_memory_equal(a.gravity, b.gravity, sizeof a.gravity);
-  assert_memory_equal(&a.drag, &b.drag, sizeof a.drag);
-}
 
 /* Strings belong to the scenes, and are compared as strings. */
 static void assert_same_run(const msim_scene *one, const msim_scene *other) {
@@ -469,26 +443,11 @@ static void without_the_plugin_it_is_named(void **state) {
       strstr(err.text, "a.h5: importer 'hdf5': msim_importer_hdf5.so was not found in /nowhere"));
 }
 
-/* 57 bytes a particle and 32 a spring, once more before the scene gets the springs; faces wait. */
-static void numbers_are_freed_when_they_are_read(void **state) {
-  (void)state;
-  peak_allocator m = {0};
-  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
-  msim_scene *scene = pinned_block(20, 1, 100, 0), *read;
-  const ms_scene *s = scene->data;
-  const int64_t bytes = 57 * s->nparticles + 64 * s->nsprings + 24 * s->nfaces + 8192;
-  assert_ok(msim_scene_save(scene, "a.h5", err));
-  assert_ok(msim_scene_load(&alloc, "a.h5", &read, err));
-  assert_in_range(m.peak, 1, bytes);
-  msim_scene_destroy(read), msim_scene_destroy(scene);
-}
-
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(scenes_come_back_to_the_bit),
       cmocka_unit_test(colliders_come_back_to_the_bit),
       cmocka_unit_test(it_means_what_the_json_means),
-      cmocka_unit_test(numbers_are_freed_when_they_are_read),
       cmocka_unit_test(what_is_wrong_is_named),
       cmocka_unit_test(want_of_memory_leaves_nothing),
       cmocka_unit_test(what_is_no_hdf5_is_refused),

@@ -101,7 +101,8 @@ static msim_status add_scene(const msim_host *host, const struct aiScene *scene,
 
 static msim_status announce(const msim_tree *tree, const char *path, int32_t kind, int64_t rows,
                             void **room) {
-  const msim_node node = {sizeof node, path, kind, 2, {rows, 3}, NULL};
+  const msim_node node = {
+      .size = sizeof node, .path = path, .kind = kind, .rank = 2, .dims = {rows, 3}};
   return tree->add(tree, &node, room);
 }
 

@@ -19,11 +19,19 @@
 /* The deepest path is "objects/0/k/shear". */
 enum { MOST_DEPTH = 4, MOST_PATH = 256, MOST_TEXT = 4096 };
 
+/* Rows of a dataset, for read() */
+typedef struct row_part {
+  const msim_node *node;
+  hsize_t first, n;
+  void *room;
+} row_part;
+
 typedef struct hdf5_reader {
   fault fault;
   const msim_host *host;
-  const msim_tree *tree;
-  char path[MOST_PATH]; /* of the present node */
+  const msim_tree *tree; /* of load(); else NULL */
+  row_part part;         /* of read() */
+  char path[MOST_PATH];  /* of the present node */
   int depth;
   int reported;   /* the error message is already set */
   double members; /* limit of further members: ends cycles, and multiple links to a group */
@@ -120,6 +128,16 @@ static void check_storage(hdf5_reader *r, hid_t dataset, const dataset_shape *s)
                 "needs more memory than the limit of 64 MiB plus 100 times the size of the file");
 }
 
+/* A part of a compressed dataset would take the time of a whole chunk, or of all. */
+static int is_contiguous(const dataset_shape *s) {
+  return s->rank > 0 && H5Tget_class(s->type) != H5T_STRING &&
+         H5Pget_layout(s->creation) == H5D_CONTIGUOUS;
+}
+
+static hid_t memory_type(const msim_node *node) {
+  return node->kind == MSIM_NODE_REAL ? H5T_NATIVE_DOUBLE : H5T_NATIVE_INT64;
+}
+
 static void read_data(hdf5_reader *r, hid_t dataset, const dataset_shape *s,
                       const msim_node *node) {
   void *room;
@@ -129,7 +147,8 @@ static void read_data(hdf5_reader *r, hid_t dataset, const dataset_shape *s,
     fault_set(&r->fault, status, "");
     return;
   }
-  hid_t type = node->kind == MSIM_NODE_REAL ? H5T_NATIVE_DOUBLE : H5T_NATIVE_INT64;
+  if (!room && node->in_parts) return;
+  hid_t type = memory_type(node);
   if (node->kind == MSIM_NODE_TEXT) {
     type = check_id(&r->fault, H5Tcopy(H5T_C_S1));
     check_result(&r->fault,
@@ -157,22 +176,53 @@ static void read_shape(hdf5_reader *r, hid_t dataset, dataset_shape *s) {
   close_object(&r->fault, H5Sclose, space);
 }
 
+static msim_node describe_node(const hdf5_reader *r, const dataset_shape *s) {
+  const H5T_class_t class = H5Tget_class(s->type);
+  msim_node node = {
+      .size = sizeof node, .path = r->path, .rank = s->rank, .in_parts = is_contiguous(s)};
+  for (int i = 0; i < s->rank; i++) node.dims[i] = (int64_t)s->dims[i];
+  node.kind = class == H5T_FLOAT ? MSIM_NODE_REAL : MSIM_NODE_WHOLE;
+  if (class == H5T_STRING) {
+    node.kind = MSIM_NODE_TEXT;
+    node.rank = 1;
+    node.dims[0] = (int64_t)H5Tget_size(s->type);
+  }
+  return node;
+}
+
+#define CHANGED "has changed while the file was read"
+
+/* The dataset may have changed since it was announced. */
+static void read_rows(hdf5_reader *r, hid_t dataset, const dataset_shape *s) {
+  const row_part *p = &r->part;
+  const msim_node is = describe_node(r, s);
+  if (!is.in_parts || memcmp(is.dims, p->node->dims, sizeof is.dims) != 0) {
+    refuse_hdf5(r, CHANGED);
+    return;
+  }
+  hsize_t begin[MSIM_NODE_MOST_DIMS] = {p->first}, count[MSIM_NODE_MOST_DIMS] = {p->n};
+  for (int i = 1; i < s->rank; i++) count[i] = s->dims[i];
+  hid_t rows = check_id(&r->fault, H5Dget_space(dataset)),
+        memory = check_id(&r->fault, H5Screate_simple(s->rank, count, NULL));
+  if (is_reading(r))
+    check_result(&r->fault, H5Sselect_hyperslab(rows, H5S_SELECT_SET, begin, NULL, count, NULL));
+  if (is_reading(r))
+    check_result(&r->fault,
+                 H5Dread(dataset, memory_type(p->node), memory, rows, H5P_DEFAULT, p->room));
+  close_object(&r->fault, H5Sclose, memory);
+  close_object(&r->fault, H5Sclose, rows);
+}
+
 static void read_dataset(hdf5_reader *r, hid_t dataset) {
   dataset_shape s;
   read_shape(r, dataset, &s);
   if (is_reading(r)) check_type(r, &s);
   if (is_reading(r)) check_storage(r, dataset, &s);
-  if (is_reading(r)) {
-    const H5T_class_t class = H5Tget_class(s.type);
-    msim_node node = {.size = sizeof node, .path = r->path, .rank = s.rank};
-    for (int i = 0; i < s.rank; i++) node.dims[i] = (int64_t)s.dims[i];
-    node.kind = class == H5T_FLOAT ? MSIM_NODE_REAL : MSIM_NODE_WHOLE;
-    if (class == H5T_STRING) {
-      node.kind = MSIM_NODE_TEXT;
-      node.rank = 1;
-      node.dims[0] = (int64_t)H5Tget_size(s.type);
-    }
+  if (is_reading(r) && r->tree) {
+    const msim_node node = describe_node(r, &s);
     read_data(r, dataset, &s, &node);
+  } else if (is_reading(r)) {
+    read_rows(r, dataset, &s);
   }
   close_object(&r->fault, H5Pclose, s.creation);
   close_object(&r->fault, H5Tclose, s.type);
@@ -180,10 +230,27 @@ static void read_dataset(hdf5_reader *r, hid_t dataset) {
 
 static herr_t read_hdf5_member(hid_t group, const char *name, const H5L_info_t *link, void *data);
 
+/* Only the member of a group that leads to the part */
+static void read_member_of_path(hdf5_reader *r, hid_t group) {
+  const size_t length = strlen(r->path);
+  const char *left = r->part.node->path;
+  char key[MOST_PATH];
+  H5L_info_t link;
+  if (length >= strlen(left)) {
+    refuse_hdf5(r, CHANGED);
+    return;
+  }
+  left += length + (length > 0); /* '/' */
+  snprintf(key, sizeof key, "%.*s", (int)strcspn(left, "/"), left);
+  if (check_result(&r->fault, H5Lget_info(group, key, &link, H5P_DEFAULT)))
+    (void)read_hdf5_member(group, key, &link, r);
+}
+
 static void read_members(hdf5_reader *r, hid_t group) {
   if (++r->depth > MOST_DEPTH) refuse_hdf5(r, "is nested too deeply");
   hsize_t at = 0;
-  if (is_reading(r))
+  if (is_reading(r) && !r->tree) read_member_of_path(r, group);
+  else if (is_reading(r))
     check_result(&r->fault,
                  H5Literate(group, H5_INDEX_NAME, H5_ITER_NATIVE, &at, read_hdf5_member, r));
   r->depth--;
@@ -192,7 +259,7 @@ static void read_members(hdf5_reader *r, hid_t group) {
 static void read_group(hdf5_reader *r, hid_t group) {
   void *room;
   const msim_node node = {.size = sizeof node, .path = r->path, .kind = MSIM_NODE_GROUP};
-  const msim_status status = r->tree->add(r->tree, &node, &room);
+  const msim_status status = r->tree ? r->tree->add(r->tree, &node, &room) : MSIM_OK;
   if (!status) read_members(r, group);
   else r->reported = 1, fault_set(&r->fault, status, "");
 }
@@ -243,12 +310,22 @@ static void read_scene_file(hdf5_reader *r, const char *path) {
   close_object(&r->fault, H5Pclose, access);
 }
 
+static msim_status read_scene(hdf5_reader *r, const char *path) {
+  WITH_LIBRARY(r->host, read_scene_file(r, path));
+  if (r->fault.status != MSIM_OK && !r->reported)
+    r->host->fail(r->host, "cannot read %s: %s", *r->path ? r->path : "it as HDF5",
+                  r->fault.reason);
+  return r->fault.status;
+}
+
 static msim_status load_hdf5_scene(const msim_host *host, const char *path, const msim_tree *tree) {
-  hdf5_reader r = {.host = host, .tree = tree};
-  WITH_LIBRARY(host, read_scene_file(&r, path));
-  if (r.fault.status != MSIM_OK && !r.reported)
-    host->fail(host, "cannot read %s: %s", *r.path ? r.path : "it as HDF5", r.fault.reason);
-  return r.fault.status;
+  return read_scene(&(hdf5_reader){.host = host, .tree = tree}, path);
+}
+
+static msim_status read_hdf5_rows(const msim_host *host, const char *path, const msim_node *node,
+                                  int64_t first, int64_t n, void *room) {
+  const row_part part = {node, (hsize_t)first, (hsize_t)n, room};
+  return read_scene(&(hdf5_reader){.host = host, .part = part}, path);
 }
 
 /*------------------------------------- writing --------------------------------------------------*/
@@ -332,8 +409,8 @@ static msim_status save_hdf5_scene(const msim_host *host, const char *path, int3
 
 MSIM_IMPORTER_ENTRY(hdf5) {
   static const msim_importer table = {
-      MSIM_IMPORTER_ABI, sizeof table,   "hdf5",          ".h5",
-      H5_VERS_INFO,      "BSD-3-Clause", load_hdf5_scene, save_hdf5_scene,
+      MSIM_IMPORTER_ABI, sizeof table,    "hdf5",          ".h5",          H5_VERS_INFO,
+      "BSD-3-Clause",    load_hdf5_scene, save_hdf5_scene, read_hdf5_rows,
   };
   return &table;
 }

@@ -49,13 +49,16 @@ typedef struct msim_node {
   int32_t rank; /* 0: one number; 1: a list; 2: a list of lists, ...; stored row by row */
   int64_t dims[MSIM_NODE_MOST_DIMS];
   const void *data; /* data to save; unused in add() */
+  /* Later additions: they exist if `size` includes them. */
+  int32_t in_parts; /* add(): 1 if msim_importer.read can read a part of the numbers */
 } msim_node;
 
 /* Receiver of the nodes that load() finds. */
 typedef struct msim_tree {
   size_t size;
-  /* Announce a node; *room is set to the memory for its values, NULL for a group. If add() fails,
-   * load() must return the same status; the error message is already set. */
+  /* Announce a node; *room is set to the memory for its values; NULL for a group, and for numbers
+   * that the host will read in parts. If add() fails, load() must return the same status; the error
+   * message is already set. */
   msim_status (*add)(const struct msim_tree *tree, const msim_node *node, void **room);
   void *data; /* private to the host */
 } msim_tree;
@@ -72,6 +75,13 @@ typedef struct msim_importer {
   msim_status (*load)(const msim_host *host, const char *path, const msim_tree *tree);
   /* Creates a new file, which the host renames after save() has succeeded. */
   msim_status (*save)(const msim_host *host, const char *path, int32_t n, const msim_node *nodes);
+
+  /* Later additions: they exist if `size` includes them. */
+
+  /* Read rows [first, first + n) of a node with rank >= 1 that load() has added with in_parts.
+   * Called after load() has ended; the file may have changed since. */
+  msim_status (*read)(const msim_host *host, const char *path, const msim_node *node, int64_t first,
+                      int64_t n, void *room);
 } msim_importer;
 
 #define MSIM_IMPORTER_SIZE_1 (offsetof(msim_importer, save) + sizeof(void (*)(void)))

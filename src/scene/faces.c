@@ -19,20 +19,38 @@ static msim_status check_face(const ms_scene *s, int64_t i, const int32_t *corne
   return MSIM_OK;
 }
 
+static msim_status check_faces(const ms_scene *s, int32_t n, const int32_t *corners,
+                               msim_error *err) {
+  msim_status status = MSIM_OK;
+  for (int32_t i = 0; i < n && !status; i++)
+    status = check_face(s, i, corners + 3 * (size_t)i, err);
+  return status;
+}
+
+msim_status ms_scene_begin_faces(msim_scene *scene, int32_t n, msim_error *err) {
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  const ms_array faces = {&s->faces, 3 * sizeof *s->faces};
+  return ms_memory_reserve(&s->alloc, faces, s->nfaces, &s->face_capacity, (int64_t)s->nfaces + n,
+                           err);
+}
+
+msim_status ms_scene_end_faces(ms_scene *s, int32_t n, msim_error *err) {
+  const msim_status status = check_faces(s, n, s->faces + 3 * (size_t)s->nfaces, err);
+  if (!status) s->nfaces += n;
+  return status;
+}
+
 msim_status msim_scene_add_faces(msim_scene *scene, int32_t n, const int32_t *corners,
                                  msim_error *err) {
   if (!scene || (n > 0 && !corners))
     return ms_error_set(err, MSIM_ERR_ARG, "scene or corners is NULL");
   msim_status status = ms_scene_check_count(n, "faces", err);
-  for (int32_t i = 0; i < n && !status; i++)
-    status = check_face(scene->data, i, corners + 3 * (size_t)i, err);
+  if (!status) status = check_faces(scene->data, n, corners, err);
   if (status || n == 0) return status ? status : ms_error_clear(err);
-  ms_scene *s = ms_scene_make_writable(scene, err);
-  if (!s) return MSIM_ERR_MEMORY;
-  const ms_array faces = {&s->faces, 3 * sizeof *s->faces};
-  status = ms_memory_reserve(&s->alloc, faces, s->nfaces, &s->face_capacity, (int64_t)s->nfaces + n,
-                             err);
+  status = ms_scene_begin_faces(scene, n, err);
   if (status) return status;
+  ms_scene *s = scene->data;
   memcpy(s->faces + 3 * (size_t)s->nfaces, corners, 3 * (size_t)n * sizeof *corners);
   s->nfaces += n;
   return ms_error_clear(err);

@@ -59,12 +59,16 @@ static msim_status load_scene(ms_import_nodes *in, const msim_importer *table, c
                         "to it by `file`");
   in->root = convert_group(in, in->root);
   if (!in->root) return in->status ? in->status : ms_import_nodes_fail_memory(in);
-  return ms_json_build_scene(&in->reader, (ms_value){.json = in->root, .columns = in->columns});
+  status = ms_json_build_scene(&in->reader, (ms_value){.json = in->root, .columns = in->columns});
+  if (!in->failure.status) return status;
+  if (!status) msim_scene_destroy(in->reader.scene);
+  return ms_error_set(in->reader.err, in->failure.status, "%s", in->failure.text);
 }
 
 msim_status ms_import_scene(const msim_allocator *alloc, const msim_importer *table,
                             const char *path, msim_scene **scene, msim_error *err) {
-  ms_import_nodes in = {.reader = {.label = path, .alloc = ms_memory_allocator(alloc), .err = err}};
+  ms_import_nodes in = {.reader = {.label = path, .alloc = ms_memory_allocator(alloc), .err = err},
+                        .in_parts = 1};
   const msim_status status = load_scene(&in, table, path);
   ms_import_nodes_free(&in);
   if (status) return status;

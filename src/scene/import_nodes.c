@@ -5,6 +5,7 @@
 #include <string.h>
 
 enum { MOST_LENGTH = 255 }; /* of a path; "objects/0/k/structural" is shorter */
+enum { PART = 1 << 17 };    /* numbers that are read at a time */
 
 msim_status ms_import_nodes_fail_memory(ms_import_nodes *in) {
   return in->status = ms_json_fail_memory(&in->reader);
@@ -52,20 +53,56 @@ static int is_valid_node(const msim_node *node) {
   return count < 0x1p62;
 }
 
+static size_t count_numbers(int32_t rank, const int64_t *dims) {
+  size_t count = 1;
+  for (int32_t i = 0; i < rank; i++) count *= (size_t)dims[i];
+  return count;
+}
+
+/* Whole rows, at least one */
+static void read_part(ms_column *c, size_t at) {
+  ms_import_nodes *in = c->file;
+  ms_plugin_host host;
+  msim_node node = {.size = sizeof node, .path = c->path, .kind = c->kind, .rank = c->rank};
+  const size_t width = count_numbers(c->rank - 1, c->dims + 1), rows = (size_t)c->dims[0],
+               first = at / width, most = width < PART ? PART / width : 1,
+               n = rows - first < most ? rows - first : most;
+  c->begin = first * width, c->end = c->begin + n * width;
+  if (in->failure.status) return;
+  memcpy(node.dims, c->dims, sizeof node.dims);
+  ms_plugin_init_host(&host, &in->reader.alloc);
+  const msim_status status =
+      in->table->read(&host.base, in->path, &node, (int64_t)first, (int64_t)n, c->data);
+  if (status) ms_plugin_fail(&host, in->path, status < 0 ? status : MSIM_ERR_PLUGIN, &in->failure);
+}
+
+static int has_parts(const ms_import_nodes *in, const msim_node *node, size_t count) {
+  return in->in_parts && in->table->size > offsetof(msim_importer, read) && in->table->read &&
+         node->size > offsetof(msim_node, in_parts) && node->in_parts && node->rank > 0 &&
+         node->kind != MSIM_NODE_TEXT && count > PART;
+}
+
 /* Allocate a column for the numbers or text of a node, with a final 0; its index as JSON. */
 static json_t *new_column(ms_import_nodes *in, const msim_node *node) {
   msim_error inner;
-  const size_t size = node->kind == MSIM_NODE_TEXT ? 1 : sizeof(double);
-  size_t count = 1;
-  for (int32_t i = 0; i < node->rank; i++) count *= (size_t)node->dims[i];
+  const size_t size = node->kind == MSIM_NODE_TEXT ? 1 : sizeof(double),
+               count = count_numbers(node->rank, node->dims);
   if (ms_memory_reserve(&in->reader.alloc, MS_ARRAY(in->columns), in->n, &in->capacity,
                         (int64_t)in->n + 1, &inner))
     return NULL;
   ms_column *c = &in->columns[in->n];
-  *c = (ms_column){.kind = node->kind, .rank = node->rank};
+  *c = (ms_column){.kind = node->kind, .rank = node->rank, .end = count};
   memcpy(c->dims, node->dims, sizeof c->dims);
-  c->data = ms_memory_allocate(&in->reader.alloc, count + 1, size);
-  return c->data ? json_integer(in->n++) : NULL;
+  if (has_parts(in, node, count)) {
+    const size_t width = count / (size_t)node->dims[0];
+    c->end = 0, c->read = read_part, c->file = in;
+    c->path = ms_memory_copy_string(&in->reader.alloc, node->path);
+    c->data = ms_memory_allocate(&in->reader.alloc, width < PART ? PART : width, size);
+  } else {
+    c->data = ms_memory_allocate(&in->reader.alloc, count + 1, size);
+  }
+  in->n++; /* also after an error: ms_import_nodes_free frees what is there */
+  return c->data && (c->path || !c->read) ? json_integer(in->n - 1) : NULL;
 }
 
 /* Find the group of the last key of a path, and set *key to that key; NULL: no such group. */
@@ -96,7 +133,8 @@ static msim_status add_node(const msim_tree *tree, const msim_node *node, void *
   json_t *value = node->kind == MSIM_NODE_GROUP ? json_object() : new_column(in, node);
   if (!value || json_object_set_new_nocheck(group, key, value))
     return ms_import_nodes_fail_memory(in);
-  if (node->kind != MSIM_NODE_GROUP) *room = in->columns[in->n - 1].data;
+  if (node->kind != MSIM_NODE_GROUP && !in->columns[in->n - 1].read)
+    *room = in->columns[in->n - 1].data;
   return MSIM_OK;
 }
 
@@ -108,6 +146,7 @@ msim_status ms_import_nodes_load(ms_import_nodes *in, const msim_importer *table
   msim_error inner;
   const msim_tree tree = {sizeof tree, add_node, in};
   ms_plugin_init_host(&host, &in->reader.alloc);
+  in->table = table, in->path = path;
   in->root = json_object();
   if (!in->root) return ms_import_nodes_fail_memory(in);
   msim_status status = table->load(&host.base, path, &tree);
@@ -121,6 +160,7 @@ msim_status ms_import_nodes_load(ms_import_nodes *in, const msim_importer *table
 
 void ms_import_nodes_free(ms_import_nodes *in) {
   json_decref(in->root);
-  for (int32_t i = 0; i < in->n; i++) ms_memory_free(&in->reader.alloc, in->columns[i].data);
+  for (int32_t i = 0; i < in->n; i++)
+    MS_FREE(&in->reader.alloc, in->columns[i].data, in->columns[i].path);
   ms_memory_free(&in->reader.alloc, in->columns);
 }

@@ -13,9 +13,15 @@ typedef struct ms_import_nodes {
   ms_column *columns;
   int32_t n, capacity;
   msim_status status; /* of the first node that was refused */
+  int in_parts;       /* 1: large arrays may be read in parts, after ms_import_nodes_load */
+  msim_error
+      failure; /* of the first part that could not be read, after which numbers are undefined */
+  const msim_importer *table;
+  const char *path;
 } ms_import_nodes;
 
-/* Read a file. The caller deletes the nodes, also after an error. */
+/* Read a file; with in_parts its large arrays later, when values are asked for. The caller deletes
+ * the nodes, also after an error. */
 msim_status ms_import_nodes_load(ms_import_nodes *in, const msim_importer *table, const char *path);
 void ms_import_nodes_free(ms_import_nodes *in);
 

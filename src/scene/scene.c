@@ -99,19 +99,26 @@ static double particle_distance(const double *a, const double *b) {
   return sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
 }
 
-static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const double *k,
-                           const double *rest, const double *damping) {
-  size_t at = (size_t)s->nsprings, count = (size_t)n;
-  memcpy(s->ij + 2 * at, ij, 2 * count * sizeof *ij);
-  memcpy(s->k + at, k, count * sizeof *k);
-  for (size_t e = 0; e < count; e++) {
-    const double *a = s->x + 3 * (size_t)ij[2 * e], *b = s->x + 3 * (size_t)ij[2 * e + 1];
-    s->rest[at + e] = rest ? rest[e] : particle_distance(a, b);
-    s->damping[at + e] = damping ? damping[e] : 0.0;
-  }
+/* The next n springs, whose arrays are filled; `rest` where has_rest */
+static void count_springs(ms_scene *s, int32_t n, int has_rest) {
+  const size_t at = (size_t)s->nsprings, count = (size_t)n;
+  for (size_t e = at; e < at + count && !has_rest; e++)
+    s->rest[e] =
+        particle_distance(s->x + 3 * (size_t)s->ij[2 * e], s->x + 3 * (size_t)s->ij[2 * e + 1]);
   if (s->law) memset(s->law + at, 0, count * sizeof *s->law);
   if (s->broken) memset(s->broken + at, MS_INTACT, count);
   s->nsprings += n;
+}
+
+static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const double *k,
+                           const double *rest, const double *damping) {
+  const size_t at = (size_t)s->nsprings, count = (size_t)n;
+  memcpy(s->ij + 2 * at, ij, 2 * count * sizeof *ij);
+  memcpy(s->k + at, k, count * sizeof *k);
+  if (rest) memcpy(s->rest + at, rest, count * sizeof *rest);
+  if (damping) memcpy(s->damping + at, damping, count * sizeof *damping);
+  else memset(s->damping + at, 0, count * sizeof *s->damping);
+  count_springs(s, n, rest != NULL);
 }
 
 static int copy_motions(const ms_scene *s, ms_scene *c, msim_error *err) {
@@ -308,27 +315,47 @@ msim_status msim_scene_add_particles(msim_scene *scene, int32_t n, const double 
   return ms_error_clear(err);
 }
 
+static msim_status check_springs(const ms_scene *s, int32_t n, const int32_t *ij, const double *k,
+                                 const double *rest, const double *damping, msim_error *err) {
+  msim_status status = MSIM_OK;
+  for (int32_t e = 0; e < n && !status; e++) {
+    status = check_spring(s, e, ij + 2 * (size_t)e, err);
+    if (!status) status = check_number("springs.k", e, k[e], 0, err);
+    if (!status && rest) status = check_number("springs.rest", e, rest[e], 0, err);
+    if (!status && !rest) status = check_length(s, e, ij + 2 * (size_t)e, err);
+    if (!status && damping) status = check_number("springs.damping", e, damping[e], 0, err);
+  }
+  return status;
+}
+
+msim_status ms_scene_begin_springs(msim_scene *scene, int32_t n, msim_error *err) {
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  const int64_t total = (int64_t)s->nsprings + n;
+  if (total > INT32_MAX)
+    return ms_error_set(err, MSIM_ERR_ARG, "%lld springs exceed the limit of %d", (long long)total,
+                        INT32_MAX);
+  return ms_scene_reserve_springs(s, total, err) ? MSIM_OK : MSIM_ERR_MEMORY;
+}
+
+msim_status ms_scene_end_springs(ms_scene *s, int32_t n, int has_rest, msim_error *err) {
+  const size_t at = (size_t)s->nsprings;
+  const msim_status status = check_springs(s, n, s->ij + 2 * at, s->k + at,
+                                           has_rest ? s->rest + at : NULL, s->damping + at, err);
+  if (!status) count_springs(s, n, has_rest);
+  return status;
+}
+
 msim_status msim_scene_add_springs(msim_scene *scene, int32_t n, const int32_t *ij, const double *k,
                                    const double *rest, const double *damping, msim_error *err) {
   if (!scene || (n > 0 && (!ij || !k)))
     return ms_error_set(err, MSIM_ERR_ARG, "scene, ij or k is NULL");
   msim_status status = ms_scene_check_count(n, "springs", err);
-  for (int32_t e = 0; e < n && !status; e++) {
-    status = check_spring(scene->data, e, ij + 2 * (size_t)e, err);
-    if (!status) status = check_number("springs.k", e, k[e], 0, err);
-    if (!status && rest) status = check_number("springs.rest", e, rest[e], 0, err);
-    if (!status && !rest) status = check_length(scene->data, e, ij + 2 * (size_t)e, err);
-    if (!status && damping) status = check_number("springs.damping", e, damping[e], 0, err);
-  }
+  if (!status) status = check_springs(scene->data, n, ij, k, rest, damping, err);
   if (status || n == 0) return status ? status : ms_error_clear(err);
-  ms_scene *s = ms_scene_make_writable(scene, err);
-  if (!s) return MSIM_ERR_MEMORY;
-  int64_t total = (int64_t)s->nsprings + n;
-  if (total > INT32_MAX)
-    return ms_error_set(err, MSIM_ERR_ARG, "%lld springs exceed the limit of %d", (long long)total,
-                        INT32_MAX);
-  if (!ms_scene_reserve_springs(s, total, err)) return MSIM_ERR_MEMORY;
-  append_springs(s, n, ij, k, rest, damping);
+  status = ms_scene_begin_springs(scene, n, err);
+  if (status) return status;
+  append_springs(scene->data, n, ij, k, rest, damping);
   return ms_error_clear(err);
 }
 

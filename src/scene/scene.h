@@ -139,6 +139,15 @@ int ms_scene_reserve_particles(ms_scene *s, int64_t needed, msim_error *err);
 int ms_scene_reserve_springs(ms_scene *s, int64_t needed, msim_error *err);
 int ms_scene_reserve_colliders(ms_scene *s, int64_t needed, msim_error *err);
 
+/* Append n springs without a copy: make room, fill ij, k, damping and, where has_rest, rest behind
+ * those of the present springs, and then let them be checked and counted. */
+msim_status ms_scene_begin_springs(msim_scene *scene, int32_t n, msim_error *err);
+msim_status ms_scene_end_springs(ms_scene *s, int32_t n, int has_rest, msim_error *err);
+
+/* The same for faces */
+msim_status ms_scene_begin_faces(msim_scene *scene, int32_t n, msim_error *err);
+msim_status ms_scene_end_faces(ms_scene *s, int32_t n, msim_error *err);
+
 /* Remove the particle from its motion, if it has one. */
 void ms_scene_remove_motion(ms_scene *scene, int32_t particle);
 

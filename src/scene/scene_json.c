@@ -102,28 +102,37 @@ static msim_status read_particles(ms_json_reader *r, const char *path, ms_value 
 
 /*------------------------------------- springs --------------------------------------------------*/
 
+/* In place: no array is there twice. */
 static msim_status add_listed_springs(const ms_json_reader *r, ms_value section, ms_value pairs,
-                                      ms_value k, int32_t n, double *room /* 4n */) {
-  double *at_rest = room + n, *at_damping = at_rest + n;
-  int32_t *ij = (int32_t *)(at_damping + n);
+                                      ms_value k, int32_t n) {
   const ms_scene_key *keys = ms_spring_keys;
   ms_value rest = ms_value_member(section, keys[MS_KEY_REST].key);
   ms_value damping = ms_value_member(section, keys[MS_KEY_DAMPING].key);
-  const ms_value law = ms_value_member(section, keys[MS_KEY_LAW].key);
-  msim_status status =
-      ms_json_read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, ij);
-  if (!status) status = ms_json_read_each(r, "springs.k", k, keys[MS_KEY_K].range, n, room);
+  msim_status status = ms_json_forward_error(r, "", ms_scene_begin_springs(r->scene, n, r->err));
+  if (status) return status;
+  ms_scene *s = r->scene->data;
+  const size_t at = (size_t)s->nsprings;
+  if (n) memset(s->damping + at, 0, (size_t)n * sizeof *s->damping);
+  status =
+      ms_json_read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, s->ij + 2 * at);
+  if (!status) status = ms_json_read_each(r, "springs.k", k, keys[MS_KEY_K].range, n, s->k + at);
   if (!status && rest.json)
-    status = ms_json_read_each(r, "springs.rest", rest, keys[MS_KEY_REST].range, n, at_rest);
+    status = ms_json_read_each(r, "springs.rest", rest, keys[MS_KEY_REST].range, n, s->rest + at);
   if (!status && damping.json)
-    status =
-        ms_json_read_each(r, "springs.damping", damping, keys[MS_KEY_DAMPING].range, n, at_damping);
+    status = ms_json_read_each(r, "springs.damping", damping, keys[MS_KEY_DAMPING].range, n,
+                               s->damping + at);
   if (status) return status;
   release_all(r, (ms_value[]){pairs, k, rest, damping});
-  status =
-      msim_scene_add_springs(r->scene, n, ij, room, rest.json ? at_rest : NULL, at_damping, r->err);
-  if (status || !law.json) return ms_json_forward_error(r, "", status);
-  return ms_json_read_spring_laws(r, law, r->scene->data->nsprings - n, n, room);
+  return ms_json_forward_error(r, "", ms_scene_end_springs(s, n, rest.json != NULL, r->err));
+}
+
+static msim_status read_laws_of_springs(const ms_json_reader *r, ms_value law, int32_t n) {
+  double *scratch = ms_memory_allocate(&r->alloc, (size_t)n, sizeof *scratch);
+  if (!scratch) return ms_json_fail_memory(r);
+  const msim_status status =
+      ms_json_read_spring_laws(r, law, r->scene->data->nsprings - n, n, scratch);
+  ms_memory_free(&r->alloc, scratch);
+  return status;
 }
 
 static msim_status read_springs(ms_json_reader *r, const char *path, ms_value section) {
@@ -133,12 +142,9 @@ static msim_status read_springs(ms_json_reader *r, const char *path, ms_value se
   if (!status) status = ms_json_require_key(r, path, section, &ms_spring_keys[MS_KEY_IJ], &pairs);
   if (!status) status = ms_json_require_key(r, path, section, &ms_spring_keys[MS_KEY_K], &k);
   if (!status) status = ms_json_read_array_size(r, "springs.ij", pairs, &n);
-  if (status) return status;
-  double *room = ms_memory_allocate(&r->alloc, (size_t)n, 4 * sizeof *room);
-  if (!room) return ms_json_fail_memory(r);
-  status = add_listed_springs(r, section, pairs, k, n, room);
-  ms_memory_free(&r->alloc, room);
-  return status;
+  if (!status) status = add_listed_springs(r, section, pairs, k, n);
+  const ms_value law = ms_value_member(section, ms_spring_keys[MS_KEY_LAW].key);
+  return status || !law.json ? status : read_laws_of_springs(r, law, n);
 }
 
 /*------------------------------------- faces ----------------------------------------------------*/
@@ -146,14 +152,11 @@ static msim_status read_springs(ms_json_reader *r, const char *path, ms_value se
 static msim_status read_faces(ms_json_reader *r, const char *path, ms_value faces) {
   int32_t n;
   msim_status status = ms_json_read_array_size(r, path, faces, &n);
+  if (!status) status = ms_json_forward_error(r, "", ms_scene_begin_faces(r->scene, n, r->err));
   if (status) return status;
-  int32_t *corners = ms_memory_allocate(&r->alloc, (size_t)n, 3 * sizeof *corners);
-  if (!corners) return ms_json_fail_memory(r);
-  status = ms_json_read_index_rows(r, path, faces, 3, n, corners);
-  if (!status)
-    status = ms_json_forward_error(r, "", msim_scene_add_faces(r->scene, n, corners, r->err));
-  ms_memory_free(&r->alloc, corners);
-  return status;
+  ms_scene *s = r->scene->data;
+  status = ms_json_read_index_rows(r, path, faces, 3, n, s->faces + 3 * (size_t)s->nfaces);
+  return status ? status : ms_json_forward_error(r, "", ms_scene_end_faces(s, n, r->err));
 }
 
 /*------------------------------------- planes ---------------------------------------------------*/

@@ -5,9 +5,15 @@ static ms_column *column_of(ms_value v) {
 }
 
 /* The column, if v is a single number in it; else NULL. */
-static const ms_column *number_in(ms_value v) {
-  const ms_column *c = column_of(v);
+static ms_column *number_in(ms_value v) {
+  ms_column *c = column_of(v);
   return c && v.depth == c->rank ? c : NULL;
+}
+
+/* The index of a number in the part of the column that is in memory */
+static size_t find_number(ms_column *c, size_t at) {
+  if (at < c->begin || at >= c->end) c->read(c, at);
+  return at - c->begin;
 }
 
 int ms_value_is_array(ms_value v) {
@@ -42,16 +48,17 @@ int ms_value_is_whole(ms_value v) {
 }
 
 double ms_value_number(ms_value v) {
-  const ms_column *c = number_in(v);
+  ms_column *c = number_in(v);
   if (!c) return column_of(v) ? 0 : json_number_value(v.json);
-  if (c->kind == MSIM_NODE_REAL) return ((const double *)c->data)[v.at];
-  return (double)((const int64_t *)c->data)[v.at];
+  const size_t i = find_number(c, v.at);
+  if (c->kind == MSIM_NODE_REAL) return ((const double *)c->data)[i];
+  return (double)((const int64_t *)c->data)[i];
 }
 
 int64_t ms_value_whole(ms_value v) {
-  const ms_column *c = number_in(v);
+  ms_column *c = number_in(v);
   if (!ms_value_is_whole(v)) return 0;
-  return c ? ((const int64_t *)c->data)[v.at] : json_integer_value(v.json);
+  return c ? ((const int64_t *)c->data)[find_number(c, v.at)] : json_integer_value(v.json);
 }
 
 const char *ms_value_text(ms_value v) { return json_string_value(v.json); }

@@ -16,6 +16,10 @@ typedef struct ms_column {
   int32_t rank;
   int64_t dims[MSIM_NODE_MOST_DIMS];
   void *data;
+  size_t begin, end; /* the numbers that `data` has: all, or a part of them */
+  void (*read)(struct ms_column *column, size_t at); /* gets the part with number `at`; or NULL */
+  void *file;                                        /* where from */
+  char *path;
 } ms_column;
 
 typedef struct ms_value {

@@ -89,7 +89,8 @@ static msim_status read_lines(const msim_host *host, FILE *file, const arrays *t
 static msim_status add(const msim_tree *tree, const char *path, int32_t kind, int32_t rank,
                        int64_t rows, int64_t width, void *room) {
   void *memory = NULL;
-  const msim_node node = {sizeof node, path, kind, rank, {rows, width}, NULL};
+  const msim_node node = {
+      .size = sizeof node, .path = path, .kind = kind, .rank = rank, .dims = {rows, width}};
   const msim_status status = rows > 0 ? tree->add(tree, &node, &memory) : MSIM_OK;
   if (room) memcpy(room, &memory, sizeof memory);
   return status;
