@@ -307,6 +307,7 @@ typedef struct msim_scene_view {
   int32_t nangles;
   const int32_t *ijk;                                 /* 3 nangles */
   const double *angle_k, *angle_rest, *angle_damping; /* nangles: N m/rad^2, rad, N m s/rad */
+  double self_thickness, self_friction; /* m: of self-contact; 0: there is none */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -405,11 +406,19 @@ MSIM_API msim_status msim_scene_add_angles(msim_scene *scene, int32_t n,
                                            const double *damping /* n, N m s/rad */,
                                            msim_error *err);
 
-/* Append n faces, triangles of particles, which viewers draw: they have no mass and exert no force.
+/* Append n faces, triangles of particles, which viewers draw: they have no mass and exert no force
+ * but in self-contact.
  * Seen from outside, the corners of a closed surface are in counterclockwise order. Cloths and
  * lattices bring their own: two for each cell of a cloth and of each side of a lattice. */
 MSIM_API msim_status msim_scene_add_faces(msim_scene *scene, int32_t n,
                                           const int32_t *corners /* 3n */, msim_error *err);
+
+/* Let surfaces, the faces of the scene and ropes, not pass through each other or themselves:
+ * neighbours stay `thickness` (m) apart, and slide with Coulomb's friction. thickness 0: they pass
+ * through each other. With fixed steps, collision = reflect and surfaces that do not intersect at
+ * the start, which msim_sim_create checks. */
+MSIM_API msim_status msim_scene_set_self_contact(msim_scene *scene, double thickness,
+                                                 double friction, msim_error *err);
 
 MSIM_API msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane,
                                           msim_error *err);

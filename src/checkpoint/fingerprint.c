@@ -133,7 +133,7 @@ static void list_motions(const ms_scene *s, ms_fingerprint_visitor *mark, void *
   }
 }
 
-static const char FUNCTION[] = "the force function";
+static const char FUNCTION[] = "the force function", SELF_CONTACT[] = "self_contact";
 
 /* Its name and flags, with the numbers that steps depend on */
 static void list_function(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
@@ -160,6 +160,15 @@ static void list_collider_motions(const ms_scene *s, ms_fingerprint_visitor *mar
   }
 }
 
+/* Only where there is self-contact the motion depends on faces. */
+static void list_self_contact(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
+  const ms_scene_self_contact *of = &s->self_contact;
+  list_numbers(mark, data, SELF_CONTACT, 2, (const double[]){of->thickness, of->friction});
+  if (!ms_scene_has_self_contact(s)) return;
+  const size_t bytes = 3 * (size_t)s->nfaces * sizeof *s->faces;
+  list_hash(mark, data, "faces", ms_archive_hash(0, s->faces, bytes));
+}
+
 static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *data) {
   const ms_scene *s = unedited_scene(sim);
   array arrays[MS_SCENE_HASHES];
@@ -177,6 +186,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   list_count(mark, data, "the number of motions", created_scene(sim)->nmotions);
   list_motions(created_scene(sim), mark, data);
   list_function(s, mark, data);
+  list_self_contact(s, mark, data);
   list_collider_motions(created_scene(sim), mark, data);
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];
@@ -188,6 +198,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
 /* The value that an entry without a line has; NULL: it has a line in every checkpoint. */
 static const char *implied_value(const char *name) {
   if (strcmp(name, FUNCTION) == 0) return "";
+  if (strcmp(name, SELF_CONTACT) == 0) return "0 0";
   if (strcmp(name, "precision") == 0) return "double";
   return strcmp(name, "incomplete") == 0 ? "stop" : NULL;
 }

@@ -11,19 +11,21 @@ typedef struct energy {
   double motion, rounding; /* the first two, and the rounding tolerance of all */
 } energy;
 
+double ms_step_energy_sum(const ms_model *model, const double *x, const double *v, ms_totals *parts,
+                          double *motion) {
+  const ms_totals t = ms_totals_compute(model, x, v, parts);
+  const double potential = model->function ? ms_force_function_compute_potential(model, x) : 0;
+  *motion = t.kinetic + t.elastic;
+  return *motion - ms_external_work(&model->external, t.moment) - t.force_work + potential;
+}
+
 /* Of all ranks */
 static energy find_energy(const ms_stepper *s, const double *x, const double *v) {
-  const ms_totals t = ms_totals_compute(s->model, x, v, s->events->parts);
-  const ms_external *forces = &s->model->external;
-  double weight = 0; /* sum of the magnitudes of external forces, N */
+  double sum[3] = {0}; /* total, motion, and the sum of the magnitudes of external forces, N */
+  sum[0] = ms_step_energy_sum(s->model, x, v, s->events->parts, &sum[1]);
   for (int32_t r = 0; r < s->model->unknowns.nfree; r++)
-    weight += s->model->mass[r] *
-              (ms_external_acceleration(forces) + ms_model_force_acceleration(s->model, r));
-  const double potential =
-      s->model->function ? ms_force_function_compute_potential(s->model, x) : 0;
-  const double motion = t.kinetic + t.elastic;
-  double sum[3] = {motion - ms_external_work(forces, t.moment) - t.force_work + potential, motion,
-                   weight};
+    sum[2] += s->model->mass[r] * (ms_external_acceleration(&s->model->external) +
+                                   ms_model_force_acceleration(s->model, r));
   ms_ranks_sum(ms_rank_model_ranks(s->model), 3, sum);
   return (energy){sum[0], sum[1], 1e-12 * (sum[1] + sum[2] * s->events->reach)};
 }

@@ -11,6 +11,11 @@ typedef struct ms_step_energy {
   double linear; /* what the linearization of springs may add to it */
 } ms_step_energy;
 
+/* The kinetic, elastic and potential energy of the unknowns of this rank, J; *motion: the first
+ * two. parts: scratch, ms_totals_count_parts */
+double ms_step_energy_sum(const ms_model *model, const double *x, const double *v, ms_totals *parts,
+                          double *motion);
+
 /* The energy at the start of the step, or, if that is more, that with pins that have moved already,
  * as implicit Euler moves them first. v: the velocities at the start */
 ms_step_energy ms_step_energy_bound(ms_stepper *s, const double *v);

@@ -441,6 +441,7 @@ static void put_section_key(writer *w, int i) {
   if (i == MS_KEY_ANGLES) put_section(w, ms_angle_keys, MS_ANGLE_KEYS);
   if (i == MS_KEY_LAWS) put_items(w, ms_law_keys, MS_LAW_KEYS);
   if (i == MS_KEY_PLANES) put_items(w, ms_plane_keys, MS_PLANE_KEYS);
+  if (i == MS_KEY_SELF_CONTACT) put_section(w, ms_self_contact_keys, MS_SELF_CONTACT_KEYS);
   if (i == MS_KEY_MOTIONS) put_items(w, ms_motion_keys, MS_MOTION_KEYS);
   if (i == MS_KEY_RUN) put_options(w);
   if (i == MS_KEY_OBJECTS || i == MS_KEY_COLLIDERS) {

@@ -205,6 +205,13 @@ static void export_motion(export_state *e, int32_t i) {
       (int64_t)strlen(word);
 }
 
+static void export_self_contact(export_state *e) {
+  const ms_scene_self_contact *of = &e->scene->self_contact;
+  if (!ms_scene_has_self_contact(e->scene)) return;
+  append_node(e, MSIM_NODE_REAL, 0, &of->thickness, "self_contact/thickness");
+  append_node(e, MSIM_NODE_REAL, 0, &of->friction, "self_contact/friction");
+}
+
 static void export_run(export_state *e) {
   for (int32_t i = 0; i < e->scene->nrun; i++) {
     const ms_run_option *run = &e->scene->run[i];
@@ -225,7 +232,7 @@ static void export_run(export_state *e) {
 
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
-  const size_t most = 21 + 4 * ((size_t)s->nplanes + (size_t)s->nmotions) + 6 * (size_t)s->nlaws +
+  const size_t most = 23 + 4 * ((size_t)s->nplanes + (size_t)s->nmotions) + 6 * (size_t)s->nlaws +
                       (8 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&
@@ -256,6 +263,7 @@ static void export_all(export_state *e) {
   export_planes(e);
   for (int32_t i = 0; i < e->scene->ncolliders; i++) export_collider(e, i);
   for (int32_t i = 0; i < e->scene->nmotions; i++) export_motion(e, i);
+  export_self_contact(e);
   export_run(e);
 }
 

@@ -159,9 +159,9 @@ static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
   if (s->nsprings) append_springs(c, s->nsprings, s->ij, s->k, s->rest, s->damping);
   if (s->nfaces) memcpy(c->faces, s->faces, 3 * (size_t)s->nfaces * sizeof *s->faces);
   c->nfaces = s->nfaces;
+  c->external = s->external, c->self_contact = s->self_contact;
   if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
   c->nplanes = s->nplanes;
-  c->external = s->external;
   c->repairs = s->repairs;
   if (!ms_laws_copy(s, c) || !ms_scene_angles_copy(s, c) || !ms_scene_copy_function(s, c)) {
     ms_scene_release(c);
@@ -277,6 +277,21 @@ msim_status msim_scene_set_drag(msim_scene *scene, double drag, msim_error *err)
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   s->external.drag = drag;
+  return ms_error_clear(err);
+}
+
+msim_status msim_scene_set_self_contact(msim_scene *scene, double thickness, double friction,
+                                        msim_error *err) {
+  if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");
+  if (!isfinite(thickness) || thickness < 0)
+    return ms_error_set(err, MSIM_ERR_ARG, "thickness is %g; it must be a finite number >= 0",
+                        thickness);
+  if (!isfinite(friction) || friction < 0)
+    return ms_error_set(err, MSIM_ERR_ARG, "friction is %g; it must be a finite number >= 0",
+                        friction);
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  s->self_contact = (ms_scene_self_contact){thickness, thickness > 0 ? friction : 0};
   return ms_error_clear(err);
 }
 
@@ -476,6 +491,8 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .angle_rest = s->angles.rest,
       .angle_damping = s->angles.damping,
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
-      .drag = s->external.drag};
+      .drag = s->external.drag,
+      .self_thickness = s->self_contact.thickness,
+      .self_friction = s->self_contact.friction};
   return ms_sized_write(view, &full, sizeof full);
 }

@@ -25,6 +25,12 @@ typedef struct ms_external {
   double drag;       /* N s/m */
 } ms_external;
 
+/* Contact of faces and ropes with each other (contact/self_contact.h) */
+typedef struct ms_scene_self_contact {
+  double thickness; /* m; 0: none */
+  double friction;
+} ms_scene_self_contact;
+
 /* Angular springs (angles.h) */
 typedef struct ms_scene_angles {
   int32_t n, capacity;
@@ -58,7 +64,7 @@ typedef struct ms_scene {
   ms_scene_angles angles;
 
   int32_t nfaces, face_capacity;
-  int32_t *faces; /* 3 nfaces: triangles of particles, for viewers */
+  int32_t *faces; /* 3 nfaces: triangles of particles, for viewers and self-contact */
 
   int32_t nplanes, plane_capacity;
   msim_plane *planes;
@@ -77,6 +83,7 @@ typedef struct ms_scene {
   ms_run_option *run;
 
   ms_external external;
+  ms_scene_self_contact self_contact;
 
   msim_mesh_repairs repairs; /* of all its meshes */
 } ms_scene;
@@ -124,6 +131,11 @@ ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err);
 /* 1: particles may collide with planes or colliders. */
 static inline int ms_scene_has_obstacles(const ms_scene *s) {
   return s->nplanes > 0 || s->ncolliders > 0;
+}
+
+/* 1: surfaces do not pass through each other. */
+static inline int ms_scene_has_self_contact(const ms_scene *s) {
+  return s->self_contact.thickness > 0;
 }
 
 /* 1: implicit methods may constrain particles in contact by their matrix. */

@@ -180,6 +180,19 @@ static msim_status read_planes(ms_json_reader *r, const char *path, ms_value pla
   return status;
 }
 
+static msim_status read_self_contact(ms_json_reader *r, const char *path, ms_value section) {
+  double thickness = 0, friction = 0;
+  const ms_scene_key *keys = ms_self_contact_keys;
+  msim_status status = ms_json_check_table(r, path, section, keys, MS_SELF_CONTACT_KEYS);
+  if (!status)
+    status = ms_json_read_numbers(r, path, section, &keys[MS_KEY_SELF_THICKNESS], &thickness);
+  if (!status)
+    status = ms_json_read_numbers(r, path, section, &keys[MS_KEY_SELF_FRICTION], &friction);
+  if (status) return status;
+  return ms_json_forward_error(r, ms_json_member_path(path, "").text,
+                               msim_scene_set_self_contact(r->scene, thickness, friction, r->err));
+}
+
 /*------------------------------------- run ------------------------------------------------------*/
 
 /* The value in the form that msim_options_set takes; a number is written to *number. */
@@ -243,13 +256,19 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 
 /* Of the sections, in their order */
 static msim_status (*const readers[MS_SECTIONS])(ms_json_reader *r, const char *path,
-                                                 ms_value value) = {
-    read_version,         read_name,
-    read_particles,       ms_json_read_laws,
-    ms_json_add_objects,  read_springs,
-    ms_json_read_angles,  read_faces,
-    read_planes,          ms_json_add_colliders,
-    ms_json_read_motions, read_run};
+                                                 ms_value value) = {read_version,
+                                                                    read_name,
+                                                                    read_particles,
+                                                                    ms_json_read_laws,
+                                                                    ms_json_add_objects,
+                                                                    read_springs,
+                                                                    ms_json_read_angles,
+                                                                    read_faces,
+                                                                    read_planes,
+                                                                    ms_json_add_colliders,
+                                                                    ms_json_read_motions,
+                                                                    read_self_contact,
+                                                                    read_run};
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {
   const ms_scene_key *sections = ms_section_keys;

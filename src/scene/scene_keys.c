@@ -55,7 +55,7 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
      "{\"ijk\": [[0, 1, 2]], \"k\": 0.1}"},
     {"faces", MS_INDEX_ROWS, MS_ANY, 3, "[]", "",
      "triangles of particles [i, j, k] that viewers draw, besides those of cloths and lattices; "
-     "they do not affect the motion",
+     "they affect the motion in self_contact only",
      "[[0, 1, 2]]"},
     {"planes", MS_LIST, MS_ANY, 1, "[]", "",
      "half spaces normal . x >= offset, inside which all particles stay",
@@ -67,6 +67,9 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
      "prescribed motions of pinned particles, which are at their first point before the first "
      "time, and at the last one after the last time",
      "[{\"particles\": [0], \"t\": [0, 1], \"x\": [[[0, 0, 2]], [[0, 0, 3]]]}]"},
+    {"self_contact", MS_SECTION, MS_ANY, 1, "", "",
+     "faces and ropes do not pass through each other and themselves; default: they do",
+     "{\"thickness\": 0.005, \"friction\": 0.3}"},
     {"run", MS_SECTION, MS_ANY, 1, "{}", "",
      "options of the run, which those on the command line replace",
      "{\"integrator\": \"velocity-verlet\", \"h\": 1e-3, \"t_end\": 2}"}};
@@ -141,6 +144,13 @@ const ms_scene_key ms_plane_keys[MS_PLANE_KEYS] = {
      "distance of the plane from the origin, along the normal", "-0.5"},
     {"restitution", MS_NUMBERS, MS_FRACTION, 1, "1", "",
      "ratio of the normal speeds after and before an impact; 1: elastic", "0.5"},
+    {"friction", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "0", "", "coefficient of Coulomb friction",
+     "0.3"}};
+
+const ms_scene_key ms_self_contact_keys[MS_SELF_CONTACT_KEYS] = {
+    {"thickness", MS_NUMBERS, MS_POSITIVE, 1, NULL, "m",
+     "distance that surfaces keep; where they are closer than twice that at the start, half of it",
+     "0.005"},
     {"friction", MS_NUMBERS, MS_NOT_NEGATIVE, 1, "0", "", "coefficient of Coulomb friction",
      "0.3"}};
 

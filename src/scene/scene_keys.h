@@ -63,6 +63,7 @@ enum {
   MS_KEY_PLANES,
   MS_KEY_COLLIDERS,
   MS_KEY_MOTIONS,
+  MS_KEY_SELF_CONTACT,
   MS_KEY_RUN,
   MS_SECTIONS
 };
@@ -92,6 +93,9 @@ extern const ms_scene_key ms_law_keys[MS_LAW_KEYS];
 
 enum { MS_KEY_NORMAL, MS_KEY_OFFSET, MS_KEY_RESTITUTION, MS_KEY_FRICTION, MS_PLANE_KEYS };
 extern const ms_scene_key ms_plane_keys[MS_PLANE_KEYS];
+
+enum { MS_KEY_SELF_THICKNESS, MS_KEY_SELF_FRICTION, MS_SELF_CONTACT_KEYS };
+extern const ms_scene_key ms_self_contact_keys[MS_SELF_CONTACT_KEYS];
 
 enum { MS_KEY_MOVED, MS_KEY_TIMES, MS_KEY_POINTS, MS_KEY_INTERPOLATION, MS_MOTION_KEYS };
 extern const ms_scene_key ms_motion_keys[MS_MOTION_KEYS];

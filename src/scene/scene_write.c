@@ -239,6 +239,13 @@ static void write_json_motions(ms_text *text, const ms_scene *s) {
   ms_text_append(text, "\n  ]");
 }
 
+static void write_json_self_contact(ms_text *text, const ms_scene *s) {
+  if (!ms_scene_has_self_contact(s)) return;
+  ms_text_append(text, ",\n  \"self_contact\": {\"thickness\": %s",
+                 ms_text_format_double(s->self_contact.thickness).text);
+  ms_text_append(text, ", \"friction\": %s}", ms_text_format_double(s->self_contact.friction).text);
+}
+
 static msim_status write_json_run(ms_text *text, const ms_scene *s, msim_error *err) {
   if (s->nrun == 0) return MSIM_OK;
   ms_text_append(text, ",\n  \"run\": {");
@@ -299,6 +306,7 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   write_json_planes(text, s);
   write_json_colliders(text, s);
   write_json_motions(text, s);
+  write_json_self_contact(text, s);
   status = write_json_run(text, s, err);
   ms_text_append(text, "\n}\n");
   return status;

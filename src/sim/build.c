@@ -40,6 +40,9 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
     if (!s->contact_log) status = ms_error_set_memory(err, "the contacts");
   }
   if (status) return status;
+  if (ms_scene_has_self_contact(sim->scene))
+    status = ms_self_contact_create(&m->model, &m->self_contact, err);
+  if (status) return status;
   return events ? ms_contact_set_create(&m->model, &s->events, err) : MSIM_OK;
 }
 
@@ -169,6 +172,7 @@ static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, 
     ms_multirate_destroy(&motion[i].model, s->split);
     ms_contact_set_destroy(&motion[i].model, s->events);
     ms_contact_log_destroy(&motion[i].model, s->contact_log);
+    ms_self_contact_destroy(motion[i].model.scene, motion[i].self_contact);
     ms_energy_monitor_destroy(&motion[i].model, &motion[i].last_good);
     ms_norm_destroy(&motion[i].model, &motion[i].norm);
     ms_error_growth_destroy(&motion[i].model, &motion[i].disturbance);

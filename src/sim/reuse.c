@@ -8,14 +8,14 @@ enum { NONE = -1 };
 
 /*------------------------------------- creation -------------------------------------------------*/
 
-/* Solvers chosen for other springs, or before springs broke, splits of springs and the islands of
- * `auto`, which chooses its method anew, are made anew. */
+/* Solvers chosen for other springs, or before springs broke, splits of springs, the surface of
+ * self-contact and the islands of `auto`, which chooses its method anew, are made anew. */
 static int may_reuse(const msim_sim *sim) {
   const ms_scene *s = sim->scene;
   for (int32_t e = 0; e < s->nsprings && s->broken; e++)
     if (s->broken[e] == MS_BROKEN) return 0;
   return !sim->chosen_for && !sim->config.integrator->is_multirate && !ms_sim_selects(sim) &&
-         sim->stats.fallbacks == 0;
+         sim->stats.fallbacks == 0 && !ms_scene_has_self_contact(s);
 }
 
 msim_status ms_reuse_create(const msim_sim *sim, const ms_edit_map *map, const ms_scene *edited,

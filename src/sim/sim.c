@@ -8,6 +8,7 @@
 #include "methods/methods.h"
 #include "sim/breaking.h"
 #include "sim/precision_check.h"
+#include "sim/self_contact_prepare.h"
 #include "sim/rank_section.h"
 #include "sim/rank_sim.h"
 #include "contact/reflection.h"
@@ -195,6 +196,7 @@ static msim_status prepare_sim(msim_sim *sim, const msim_options *opt, const msi
   msim_status status = set_options(sim, opt, err);
   if (!status) status = ms_rank_sim_check(sim, err);
   if (!status) status = ms_precision_check(sim, err);
+  if (!status) status = ms_self_contact_prepare(sim, err);
   if (!status) status = ms_breaking_prepare(sim, err);
   if (!status) status = ms_reflection_check(sim->scene, err);
   if (!status) ms_start_check_warn(sim);

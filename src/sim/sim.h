@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "layout/rank_part.h"
+#include "contact/self_contact.h"
 #include "sim/energy_monitor.h"
 #include "sim/error_growth.h"
 #include "sim/run_state.h"
@@ -21,6 +22,7 @@ typedef struct ms_island_sim {
   msim_stats stats;   /* single_thread: counts of this island, until they are added to the sim's */
   msim_status status; /* single_thread: result of the step that is being made */
   int is_reused;      /* while islands are built: 1 + the old island that this one is; 0: none */
+  ms_self_contact *self_contact; /* NULL: surfaces pass through each other */
   ms_norm norm;       /* scales of errors, with a tol */
   double error;       /* of the step that is being made, over what is allowed */
   ms_last_good_state last_good;

@@ -166,6 +166,8 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   if (!status && state->x != sim->scene->x) status = ms_sim_provide_arrays(sim, err);
   if (!status) status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
   if (!status) status = fit_components(sim, state, err);
+  if (!status && sim->islands->self_contact)
+    status = ms_self_contact_check(sim->islands->self_contact, state->n, state->x, err);
   if (status) {
     sim->config.plan = plan, sim->run = run;
     return status;
