@@ -375,7 +375,7 @@ static void changes_choose_anew(void **state) {
   unsigned seed = 3;
   msim_state now = state_of(sim), fast = now;
   for (int i = 0; i < 3 * now.n; i++)
-    v[i] = scene->data->pinned[i / 3] ? 0 : 9 * (uniform(&seed) - 0.5);
+    v[i] = scene->data->pinned[i / 3] ? 0 : 243 * (uniform(&seed) - 0.5);
   now.x = memcpy(rest, now.x, 3 * (size_t)now.n * sizeof *now.x), now.v = scene->data->v;
   fast.v = v;
   assert_ok(msim_sim_set_state(sim, &fast, err));

@@ -185,9 +185,10 @@ typedef struct msim_csr {
  * statuses.
  *
  * Steps allocate no memory, except: the plugins cholmod and klu in every step; solver = "auto" when
- * it opens cholmod; integrator = "auto" when it chooses a method for planes; self-contact when more
- * pairs come near each other than before; and qsort of glibc, which works without memory, too, with
- * implicit methods where many particles rest on planes.
+ * it opens cholmod; integrator = "auto" when it chooses a method for planes, or continues with
+ * doubles in place of floats; self-contact when more pairs come near each other than before; and
+ * qsort of glibc, which works without memory, too, with implicit methods where many particles rest
+ * on planes.
  *
  * Islands are parts of the scene that no spring connects: each is a system with a solver of its
  * own, and is not stepped while at exact rest. Pinned particles connect nothing; islands of less

@@ -69,13 +69,35 @@ static msim_status enable_planes(msim_sim *sim, msim_error *err) {
   return status;
 }
 
-/* As ms_sim_make_steps(), until a plane is close; from there on planes count (step_verification.h).
- * */
+/* Continue by the same method with doubles in place of floats. */
+static msim_status continue_with_doubles(msim_sim *sim, msim_error *err) {
+  const ms_config before = sim->config;
+  ms_method_choice *choice = &sim->config.choice;
+  sim->config.opt.precision = choice->candidates[choice->best].precision = MSIM_PRECISION_DOUBLE;
+  const msim_status status = ms_sim_rebuild_islands(sim, err);
+  if (status) {
+    sim->config = before;
+    return status;
+  }
+  ms_step_verification_start_islands(sim);
+  ms_energy_monitor_start(sim);
+  return MSIM_OK;
+}
+
+/* 1: the method or its precision may change between steps. */
+static int may_change(const msim_sim *sim) {
+  const ms_step_verification *v = &sim->config.choice.verification;
+  return v->planes_far || (v->allowed > 0 && sim->islands->model.single);
+}
+
+/* As ms_sim_make_steps(), until a plane is close, from which on planes count, and until verified
+ * steps with floats need doubles (step_verification.h). */
 static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
-  for (; n > 0 && sim->config.choice.verification.planes_far; n--) {
+  for (; n > 0 && may_change(sim); n--) {
     if (ms_sim_has_control(sim)) ms_step_driver_show_time(sim, sim->run.t);
     msim_status status = MSIM_OK;
-    if (ms_step_verification_planes_due(sim)) status = enable_planes(sim, err);
+    if (ms_step_verification_needs_doubles(sim)) status = continue_with_doubles(sim, err);
+    if (!status && ms_step_verification_planes_due(sim)) status = enable_planes(sim, err);
     if (!status) status = ms_sim_make_steps(sim, 1, err);
     if (status) return status;
   }

@@ -370,6 +370,8 @@ static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_erro
   if (c[IMPLICIT].cost_rate < c[s->best].cost_rate) s->best = IMPLICIT;
   const ms_trial best = make_trial(p, &c[s->best]);
   if (!status) status = ms_verification_setup_measure(p, &c[s->best], &best, &s->verification, err);
+  if (!ms_precision_choice_is_verifiable(p, &c[s->best], &s->verification))
+    c[s->best].precision = MSIM_PRECISION_DOUBLE;
   s->pilot_time = p->duration, s->total_cost = p->cost, s->damped = p->damped;
   return status;
 }

@@ -4,7 +4,6 @@
 #include <math.h>
 
 #include "base/vec3.h"
-#include "choose/verification_setup.h"
 #include "physics/external_force.h"
 #include "sim/error_growth.h"
 #include "sim/precision_check.h"
@@ -91,8 +90,13 @@ int ms_precision_choice_takes(const ms_candidate *c) {
 }
 
 int ms_precision_choice_allows(const ms_pilot_run *p, const ms_candidate *c) {
-  return p->single_error <= p->tol / 4 && ms_precision_choice_takes(c) &&
-         !ms_verification_setup_is_needed(p, c);
+  return p->single_error <= p->tol / 4 && ms_precision_choice_takes(c);
+}
+
+int ms_precision_choice_is_verifiable(const ms_pilot_run *p, const ms_candidate *c,
+                                      const ms_step_verification *v) {
+  const double step_error = p->single_error * c->h * sqrt(2 * p->bounds.omega / p->span);
+  return v->allowed == 0 || step_error <= v->allowed / 4;
 }
 
 /*------------------------------------- report ---------------------------------------------------*/
@@ -105,9 +109,7 @@ static void explain_doubles(const msim_sim *sim, ms_text *out) {
   else if (measures_growth(sim)) ms_text_append(out, "the growth of errors may be measured\n");
   else if (!(s->single_error <= s->tol / 4))
     ms_text_append(out, "floats may add an error of %.2g, more than tol/4\n", s->single_error);
-  else
-    ms_text_append(out, "the steps of this method are %s; floats would keep tol\n",
-                   s->candidates[s->best].error_control ? "controlled" : "verified");
+  else ms_text_append(out, "steps of this method need them; floats would keep tol\n");
 }
 
 void ms_precision_choice_explain(const msim_sim *sim, ms_text *out) {

@@ -14,9 +14,11 @@
  * Errors measured were 0.01 to 0.7 of that, unless the motion amplifies them, as it then amplifies
  * the errors of steps, too: E has to be below tol/4.
  *
- * Verified steps and error control compare states in double precision, and so does the growth of
- * errors (sim/error_growth.h): only candidates whose steps are not verified compute with floats,
- * and only in scenes in which that growth is not measured. */
+ * The error of a step is u A h/(sqrt(2) U) <= E h sqrt(2 w/T). Where steps are verified (sim/
+ * step_verification.h), it has to be below a quarter of the difference that is allowed there; once
+ * a verified step needs substeps, the run continues with doubles. Error control compares states in
+ * double precision, and so does the growth of errors (sim/error_growth.h): floats are for fixed
+ * steps in scenes in which that growth is not measured. */
 #ifndef MS_PRECISION_CHOICE_H
 #define MS_PRECISION_CHOICE_H
 
@@ -29,8 +31,10 @@ double ms_precision_choice_estimate_error(const ms_pilot_run *p);
 /* 1: this method can make its steps with floats. */
 int ms_precision_choice_takes(const ms_candidate *c);
 
-/* 1: it does, as they keep tol. */
+/* 1: it does, as they keep tol; and as they are no obstacle to this verification. */
 int ms_precision_choice_allows(const ms_pilot_run *p, const ms_candidate *c);
+int ms_precision_choice_is_verifiable(const ms_pilot_run *p, const ms_candidate *c,
+                                      const ms_step_verification *v);
 
 /* The line of msim_sim_explain */
 void ms_precision_choice_explain(const msim_sim *sim, ms_text *out);

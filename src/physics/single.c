@@ -182,6 +182,32 @@ const double *ms_single_get_v(const ms_model *model, const void *vec) {
   return model->single->v;
 }
 
+static const double *subtract(const ms_model *model, const void *a, const void *b, double *room,
+                              double *to) {
+  const ms_unknowns *rows = &model->unknowns;
+  const float *of_a = a, *of_b = b;
+  if (!model->single) {
+    ms_vector_add_scaled(model->shape, a, -1, b, to);
+    return to;
+  }
+  for (int32_t c = 0; c < rows->dims; c++)
+    for (int32_t r = 0; r < rows->nfree; r++) {
+      const size_t at = (size_t)c * (size_t)rows->stride + (size_t)r;
+      room[at] = value(rows, of_a + at, 0) - value(rows, of_b + at, 0);
+    }
+  return room;
+}
+
+const double *ms_single_subtract_x(const ms_model *model, const void *a, const void *b,
+                                   double *to) {
+  return subtract(model, a, b, model->single ? model->single->x : NULL, to);
+}
+
+const double *ms_single_subtract_v(const ms_model *model, const void *a, const void *b,
+                                   double *to) {
+  return subtract(model, a, b, model->single ? model->single->v : NULL, to);
+}
+
 void ms_single_take_changes(const ms_model *model, void *x, void *v) {
   const ms_single *s = model->single;
   take_changes(model, s->x, s->origin, x);

@@ -53,6 +53,11 @@ void ms_single_gather_v(const ms_model *model, const double *array, void *vec);
 const double *ms_single_get_x(const ms_model *model, const void *vec);
 const double *ms_single_get_v(const ms_model *model, const void *vec);
 
+/* a - b of positions, or of velocities, as a vector of doubles: in `to`, or in single precision
+ * likewise */
+const double *ms_single_subtract_x(const ms_model *model, const void *a, const void *b, double *to);
+const double *ms_single_subtract_v(const ms_model *model, const void *a, const void *b, double *to);
+
 /* For models in single precision: the unknowns likewise to a vector of the caller; and back to the
  * stepper the numbers of single->x and v that differ from its own */
 void ms_single_widen_x(const ms_model *model, const void *vec, double *to);

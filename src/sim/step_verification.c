@@ -30,23 +30,30 @@ void ms_step_verification_destroy(const ms_model *model, ms_island_verification 
 
 /*------------------------------------- indicators -----------------------------------------------*/
 
-/* sqrt(d.M d/(2 m))/scale, m the mass of the scene's free particles */
+/* sqrt(d.M d/(2 m))/scale, m the mass of the scene's free particles; d has doubles. */
 static double mass_norm(ms_stepper *s, const double *d, double scale, const ms_scales *scales) {
-  const ms_shape shape = s->model->shape;
+  ms_shape shape = s->model->shape;
+  shape.single = 0;
   ms_vector_scale_rows(shape, s->model->mass, d, s->scratch);
   return sqrt(ms_vector_dot(shape, d, s->scratch) / (2 * scales->mass)) / scale;
 }
 
-/* |D| of the step from x to x_next, not yet accepted; 0 if the method does not carry a */
+/* |D| of the step from x to x_next, not yet accepted; 0 if the method does not carry a, or in
+ * single precision, as rounding of a is larger */
 static double find_defect_norm(const ms_integrator *method, ms_stepper *s,
                                const ms_scales *scales) {
   const ms_shape shape = s->model->shape;
   const double h = s->h, w[] = {-1, -h / 2, -h / 2, -h * h / 12, h * h / 12};
-  if (!ms_control_is_supported(method) || method->carried != 1) return 0;
+  if (!ms_control_is_supported(method) || method->carried != 1 || shape.single) return 0;
   const double *a = s->work[s->cached_stage == 2], *a_next = s->work[s->cached_stage != 2];
   const double *const x[] = {s->x, s->v, s->v_next, a, a_next};
   ms_vector_linear_combination(shape, s->x_next, 5, w, x, s->x_spare[0]);
   return mass_norm(s, s->x_spare[0], scales->extent, scales);
+}
+
+/* A number of a vector in the precision of the model, rounded to floats in single precision */
+static double number_at(const ms_model *model, const double *vec, size_t at) {
+  return model->shape.single ? (double)((const float *)(const void *)vec)[at] : vec[at];
 }
 
 /* 1 - cos of the largest angle by which a spring turned, among those whose direction matters. The
@@ -60,7 +67,9 @@ static double find_turn(const ms_stepper *s) {
     double before = 0, after = 0, both = 0;
     if (ms_scene_is_linear(s->model->scene, springs->spring[e])) continue;
     for (size_t at = 0; at < dims * stride; at += stride) {
-      const double from = s->x[at + j] - s->x[at + i], to = s->x_next[at + j] - s->x_next[at + i];
+      const double from = number_at(s->model, s->x, at + j) - number_at(s->model, s->x, at + i);
+      const double to =
+          number_at(s->model, s->x_next, at + j) - number_at(s->model, s->x_next, at + i);
       before += from * from, after += to * to, both += from * to;
     }
     const double size = before * after, product = both * fabs(both);
@@ -75,16 +84,15 @@ static double find_turn(const ms_stepper *s) {
  * `contacts` is the count before the step. *error: the squared norm of the difference. */
 static msim_status repeat_in_halves(const msim_sim *sim, ms_stepper *s, const ms_scales *scales,
                                     int64_t contacts, double *error, msim_error *err) {
-  const ms_shape shape = s->model->shape;
   s->stats->contacts = contacts;
   ms_stepper_swap(&s->x_next, &s->x_spare[1]);
   ms_stepper_swap(&s->v_next, &s->v_spare[1]);
   msim_status status = ms_island_step_make_substeps(sim, s, 2, err);
   if (status) return status;
-  ms_vector_add_scaled(shape, s->x_next, -1, s->x_spare[1], s->x_spare[0]);
-  ms_vector_add_scaled(shape, s->v_next, -1, s->v_spare[1], s->v_spare[0]);
-  const double x = mass_norm(s, s->x_spare[0], scales->extent, scales);
-  const double v = mass_norm(s, s->v_spare[0], scales->speed, scales);
+  const double *dx = ms_single_subtract_x(s->model, s->x_next, s->x_spare[1], s->x_spare[0]);
+  const double *dv = ms_single_subtract_v(s->model, s->v_next, s->v_spare[1], s->v_spare[0]);
+  const double x = mass_norm(s, dx, scales->extent, scales);
+  const double v = mass_norm(s, dv, scales->speed, scales);
   *error = x * x + v * v;
   return MSIM_OK;
 }
@@ -252,6 +260,10 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   error = status ? INFINITY : sqrt(error);
   const double enough = fmax(allowed, fmin(better * allowed, sim->config.choice.tol / 4));
   check->verify_next = !(error <= allowed);
+  if (!(error <= enough) && m->model.single) {
+    check->needs_doubles = 1; /* for the next steps; this one stays in halves */
+    return status;
+  }
   if (!(error <= enough)) {
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
@@ -348,10 +360,21 @@ void ms_step_verification_start(msim_sim *sim) {
   if (!ms_sim_selects(sim)) return;
   v->next_plane_check = sim->run.step;
   v->energy = is_conserved(sim) ? total_energy(sim) : 0;
+  ms_step_verification_start_islands(sim);
+}
+
+void ms_step_verification_start_islands(msim_sim *sim) {
+  const ms_step_verification *v = &sim->config.choice.verification;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     m->verification.verify_next = 0, m->verification.substep = 0;
     for (int i = 0; i < 2; i++) m->verification.indicator[i] = v->indicator[i];
   }
+}
+
+int ms_step_verification_needs_doubles(const msim_sim *sim) {
+  for (int32_t i = 0; i < sim->nislands; i++)
+    if (sim->islands[i].verification.needs_doubles) return 1;
+  return 0;
 }
 
 static int is_last_step(const msim_sim *sim) {
@@ -399,10 +422,11 @@ void ms_step_verification_archive_island(ms_archive *b, ms_island_verification *
   MS_ARCHIVE_TRANSFER(b, check->indicator[0]);
   MS_ARCHIVE_TRANSFER(b, check->indicator[1]);
   MS_ARCHIVE_TRANSFER(b, check->verify_next);
+  MS_ARCHIVE_TRANSFER(b, check->needs_doubles);
   MS_ARCHIVE_TRANSFER(b, check->substep);
   ms_archive_check(b,
                    isfinite(check->indicator[0]) && isfinite(check->indicator[1]) &&
-                       (check->verify_next | 1) == 1 && isfinite(check->substep) &&
-                       check->substep >= 0,
+                       (check->verify_next | 1) == 1 && (check->needs_doubles | 1) == 1 &&
+                       isfinite(check->substep) && check->substep >= 0,
                    "the verification of steps");
 }

@@ -28,6 +28,10 @@
  * error that tol allows, or 1/16 of the allowed difference if that is more. So the grid of steps,
  * and of frames, stays.
  *
+ * Steps with floats (choose/precision_choice.h) have no D, as their rounding is larger, and no
+ * substeps under error control: if half steps are not accurate enough, these replace the step all
+ * the same, and the run continues with doubles.
+ *
  * Steps in other variables than x and v cannot be halved: such methods are candidates only where
  * particles are many. If nothing dissipates, energy is checked now and then with any method: an
  * error above 10 tol is reported to options.warn. */
@@ -52,8 +56,9 @@ typedef struct ms_step_measurement {
 typedef struct ms_island_verification {
   double indicator[2]; /* the largest indicators in steps verified */
   int verify_next; /* 1: the last step verified was too inaccurate: the next one is verified, too */
-  double substep;  /* s: length of substeps under error control; 0: steps are whole */
-  double *x, *v;   /* copy of the state at the start of a step; NULL: nothing is verified */
+  int needs_doubles; /* 1: a step with floats was too inaccurate for its half steps to suffice */
+  double substep;    /* s: length of substeps under error control; 0: steps are whole */
+  double *x, *v;     /* copy of the state at the start of a step; NULL: nothing is verified */
 } ms_island_verification;
 
 /* Verification of the whole run */
@@ -75,8 +80,12 @@ msim_status ms_step_verification_create(const struct msim_sim *sim, const ms_mod
                                         ms_island_verification *check, msim_error *err);
 void ms_step_verification_destroy(const ms_model *model, ms_island_verification *check);
 
-/* Start the verification of a run in the present state. */
+/* Start the verification of a run in the present state, or of new islands in the present run. */
 void ms_step_verification_start(struct msim_sim *sim);
+void ms_step_verification_start_islands(struct msim_sim *sim);
+
+/* 1: the run must continue with doubles. */
+int ms_step_verification_needs_doubles(const struct msim_sim *sim);
 
 /* One step of an island from x to x_next, verified. */
 msim_status ms_step_verification_make_step(const struct msim_sim *sim, struct ms_island_sim *m,
