@@ -144,11 +144,13 @@ static double squared_frequency(const subspace *s, int32_t j) {
 /* w^2 up to here are rounding errors of K. */
 static double rounding_level(const subspace *s) { return 64 * DBL_EPSILON * s->omega * s->omega; }
 
-/* The residual of a Ritz vector that has converged: small, or rounding errors of the solves, as of
- * rigid motions */
+/* The residual of a Ritz vector that has converged: small, or an error of the solves: of rounding,
+ * as for rigid motions, or of iterations, of which the largest theta has most */
 static double largest_residual(const subspace *s, double theta) {
   const double SMALL = 1e-8, highest = s->h * s->omega;
-  return SMALL * theta + 4 * DBL_EPSILON * highest * highest * theta * theta;
+  const double iterations =
+      s->sim->islands->stepper.solver->linear->factorises ? 0 : MS_STATIC_RTOL * s->theta[0];
+  return SMALL * theta + 4 * DBL_EPSILON * highest * highest * theta * theta + iterations;
 }
 
 /* The Ritz vectors become the basis, and grow by the residuals B u - theta u of the wanted modes

@@ -84,13 +84,10 @@ msim_status ms_static_sim_start(msim_sim *sim, const double *x, double h, msim_e
   return ms_sim_set_state(sim, &state, err);
 }
 
-/* Of the residual of linear systems: modes need solutions to rounding. */
-#define ACCURATE 1e-12
-
 msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double *v,
                                 msim_error *err) {
   const ms_stepper *s = &sim->islands->stepper;
-  const ms_linear_system_spec spec = {.x = s->x, .h = h, .indefinite = -1, .rtol = ACCURATE};
+  const ms_linear_system_spec spec = {.x = s->x, .h = h, .indefinite = -1, .rtol = MS_STATIC_RTOL};
   ms_stepper_linearize(s, s->x, s->v);
   return ms_solver_solve(s->solver, &spec, b, v, err);
 }
@@ -107,10 +104,10 @@ msim_status ms_static_sim_solve_definite(msim_sim *sim, double *h, const double 
 }
 
 msim_status ms_static_sim_solve_again(msim_sim *sim, const double *b, double *v, msim_error *err) {
-  return ms_solver_solve_again(sim->islands->stepper.solver, ACCURATE, b, v, err);
+  return ms_solver_solve_again(sim->islands->stepper.solver, MS_STATIC_RTOL, b, v, err);
 }
 
 msim_status ms_static_sim_solve_several(msim_sim *sim, int32_t n, double *const *b,
                                         double *const *v, double *room, msim_error *err) {
-  return ms_solver_solve_several(sim->islands->stepper.solver, ACCURATE, n, b, v, room, err);
+  return ms_solver_solve_several(sim->islands->stepper.solver, MS_STATIC_RTOL, n, b, v, room, err);
 }
