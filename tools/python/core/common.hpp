@@ -9,6 +9,7 @@
 #include <nanobind/stl/string.h>
 
 #include <atomic>
+#include <exception>
 #include <memory>
 #include <string>
 #include <thread>
@@ -57,8 +58,10 @@ struct Force {
   nb::object potential; // (particles, x) to a number, or None
 };
 
-// The exception of a force function in this thread is raised by the call that ran into it.
+// The exception of a force function in this thread is raised by the call that ran into it; take: it
+// is handed to another thread, null if there is none.
 void raise_force_exception();
+std::exception_ptr take_force_exception();
 
 // Refuse the use of a sim within a force function.
 void refuse_in_force();

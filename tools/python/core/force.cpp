@@ -9,8 +9,10 @@
 static thread_local std::exception_ptr pending; // of the last call
 static thread_local bool is_inside = false;     // a force function is being called
 
+std::exception_ptr take_force_exception() { return std::exchange(pending, nullptr); }
+
 void raise_force_exception() {
-  if (pending) std::rethrow_exception(std::exchange(pending, nullptr));
+  if (pending) std::rethrow_exception(take_force_exception());
 }
 
 void refuse_in_force() {

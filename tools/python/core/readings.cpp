@@ -105,23 +105,20 @@ static nb::tuple estimate(const Sim &s) {
 }
 
 static nb::tuple equilibrium(Sim &s, double ftol, int32_t max_iterations) {
-  msim_error err;
   msim_equilibrium e{};
   e.size = sizeof e;
-  const msim_status status = msim_sim_equilibrium(idle(s), ftol, max_iterations, &e, &err);
-  raise_force_exception();
-  check(status, err);
+  compute(s, [&](msim_sim *sim, msim_error *err) {
+    return msim_sim_equilibrium(sim, ftol, max_iterations, &e, err);
+  });
   return nb::make_tuple(e.force, e.particle, e.iterations, e.saddles, e.is_minimum != 0);
 }
 
 static nb::tuple modes(Sim &s, int32_t n) {
-  msim_error err;
   const size_t particles = static_cast<size_t>(state_of(s).n), count = static_cast<size_t>(n);
   std::vector<double> frequency(count), shape(count * 3 * particles);
-  const msim_status status =
-      msim_sim_modes(idle(s), n, frequency.data(), shape.data(), &err);
-  raise_force_exception();
-  check(status, err);
+  compute(s, [&](msim_sim *sim, msim_error *err) {
+    return msim_sim_modes(sim, n, frequency.data(), shape.data(), err);
+  });
   return nb::make_tuple(copy(frequency.data(), {count}),
                         copy(shape.data(), {count, particles, 3}));
 }

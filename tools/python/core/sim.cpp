@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <future>
 #include <mutex>
 
 #include "sim.hpp"
@@ -87,6 +88,36 @@ class Alarm {
 
 // 1: a request to stop came from stop(), and counts as served now.
 static bool take_stop(Handle &h) { return h.stopped.exchange(false); }
+
+// False: it has not ended within the time between signals.
+static bool wait_for(std::future<msim_status> &computation) {
+  nb::gil_scoped_release release;
+  return computation.wait_for(between_signals) == std::future_status::ready;
+}
+
+void compute(Sim &s, const std::function<msim_status(msim_sim *, msim_error *)> &function) {
+  const std::shared_ptr<Handle> h = s.h;
+  Stepping now(*h);
+  msim_error err;
+  msim_status status;
+  std::exception_ptr signal, thrown;
+  do { // an alarm may have left a request to stop
+    std::future<msim_status> computation = std::async(std::launch::async, [&] {
+      const msim_status result = function(h->p, &err);
+      thrown = take_force_exception();
+      return result;
+    });
+    while (!wait_for(computation))
+      if (!signal && PyErr_CheckSignals()) {
+        signal = std::make_exception_ptr(nb::python_error());
+        msim_sim_stop(h->p);
+      }
+    status = computation.get();
+  } while (status == MSIM_STOPPED && !signal && !take_stop(*h));
+  if (signal) std::rethrow_exception(signal);
+  if (thrown) std::rethrow_exception(thrown);
+  check(status, err);
+}
 
 /*------------------------------------- creation -------------------------------------------------*/
 

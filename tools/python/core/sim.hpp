@@ -2,6 +2,8 @@
 #ifndef MSIM_PYTHON_SIM_HPP
 #define MSIM_PYTHON_SIM_HPP
 
+#include <functional>
+
 #include "common.hpp"
 
 struct Sim {
@@ -19,6 +21,10 @@ void refuse_other_threads(const Handle &h);
 msim_sim *idle(const Sim &s);
 
 msim_state state_of(const Sim &s);
+
+// Compute `function` in a thread of its own, without the GIL; a signal that raises an exception, as
+// Ctrl-C does, and stop() end it.
+void compute(Sim &s, const std::function<msim_status(msim_sim *, msim_error *)> &function);
 
 void bind_readings(nb::class_<Sim> &sim);
 

@@ -88,7 +88,7 @@ class Sim:
     def step(self, n: int = 1) -> None:
         """Make n steps, without the GIL; Ctrl-C ends them within 50 ms, or after one step."""
     def stop(self) -> None:
-        """Ask a running step, frames or run to end; may be called from any thread."""
+        """Ask a running step, run, equilibrium, ... to end; may be called from any thread."""
     def dumps(self) -> bytes:
         """A checkpoint: all that further steps depend on."""
     def loads(self, data: bytes) -> None:
