@@ -1,6 +1,7 @@
 /* Tests of ropes, cloths and lattices: which particles, where, which springs, in which order. */
 #include <math.h>
 
+#include "peak_allocator.h"
 #include "scene_check.h"
 
 static msim_rope a_rope(int32_t n) {
@@ -285,6 +286,22 @@ static void limits_hold_for_the_whole_scene(void **state) {
   msim_scene_destroy(s);
 }
 
+/* 57 bytes a particle, 32 a spring, 12 a face */
+static void no_array_is_there_twice(void **state) {
+  (void)state;
+  peak_allocator m = {0};
+  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
+  const msim_cloth cloth = a_cloth(60, 60);
+  msim_error before = {MSIM_ERR_ARG, "of an earlier call"};
+  msim_scene *s;
+  assert_ok(msim_scene_create(&alloc, &s, err));
+  assert_int_equal(msim_scene_add_cloth(s, &cloth, &before), MSIM_OK);
+  assert_true(before.status == MSIM_OK && !*before.text);
+  const msim_scene_view view = view_of(s);
+  assert_in_range(m.peak, 1, 57 * view.nparticles + 32 * view.nsprings + 12 * view.nfaces + 4096);
+  msim_scene_destroy(s);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(a_rope_is_a_line),
                                      cmocka_unit_test(one_particle_stands_at_the_origin),
@@ -296,6 +313,7 @@ int main(void) {
                                      cmocka_unit_test(objects_without_size_are_refused),
                                      cmocka_unit_test(bad_objects_are_refused),
                                      cmocka_unit_test(bad_pins_of_objects_are_refused),
-                                     cmocka_unit_test(limits_hold_for_the_whole_scene)};
+                                     cmocka_unit_test(limits_hold_for_the_whole_scene),
+                                     cmocka_unit_test(no_array_is_there_twice)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -308,18 +308,16 @@ msim_status ms_objects_add_particles(msim_scene *scene, ms_shape *shape, const c
 }
 
 msim_status ms_objects_add_faces(msim_scene *scene, const ms_shape *shape, msim_error *err) {
-  const msim_allocator alloc = scene->data->alloc;
   const int64_t count = shape->nfaces;
   if (scene->data->nfaces + count > INT32_MAX)
     return ms_error_set(err, MSIM_ERR_ARG, "%lld faces exceed the limit of %d",
                         (long long)(scene->data->nfaces + count), INT32_MAX);
-  int32_t *corners = ms_memory_allocate(&alloc, (size_t)count, 3 * sizeof *corners);
-  if (!corners) return ms_error_set_memory(err, "an object");
+  const msim_status status = ms_scene_begin_faces(scene, (int32_t)count, err);
+  if (status) return status;
+  int32_t *corners = scene->data->faces + 3 * (size_t)scene->data->nfaces;
   shape->lists->list_faces(shape, corners);
   shift_indices(shape, 3 * count, corners);
-  const msim_status status = msim_scene_add_faces(scene, (int32_t)count, corners, err);
-  ms_memory_free(&alloc, corners);
-  return status;
+  return ms_scene_end_faces(scene->data, (int32_t)count, err);
 }
 
 /* They are straight at rest. */
@@ -339,21 +337,29 @@ static msim_status add_angles(msim_scene *scene, const ms_shape *shape, msim_err
   return status;
 }
 
-msim_status ms_objects_add_springs(msim_scene *scene, const ms_shape *shape, msim_error *err) {
+/* Of the last springs of the scene */
+static msim_status set_law(msim_scene *scene, const ms_shape *shape, msim_error *err) {
   const msim_allocator alloc = scene->data->alloc;
-  const int64_t count = shape->nsprings, first = scene->data->nsprings;
-  double *k = ms_memory_allocate(&alloc, (size_t)count, 2 * sizeof *k + 2 * sizeof(int32_t));
-  if (!k) return ms_error_set_memory(err, "an object");
-  double *damping = k + count;
-  int32_t *ij = (int32_t *)(damping + count);
-  shape->lists->list_springs(shape, ij, k);
-  shift_indices(shape, 2 * count, ij);
-  for (int64_t e = 0; e < count; e++) damping[e] = shape->damping;
-  msim_status status = msim_scene_add_springs(scene, (int32_t)count, ij, k, NULL, damping, err);
-  for (int32_t e = 0; e < count && !status && shape->law; e++) ij[e] = (int32_t)first + e;
-  if (!status && shape->law)
-    status = msim_scene_set_law(scene, (int32_t)count, ij, shape->law, err);
-  ms_memory_free(&alloc, k);
+  const int32_t count = (int32_t)shape->nsprings, first = scene->data->nsprings - count;
+  int32_t *springs = ms_memory_allocate(&alloc, (size_t)count, sizeof *springs);
+  if (!springs) return ms_error_set_memory(err, "an object");
+  for (int32_t e = 0; e < count; e++) springs[e] = first + e;
+  const msim_status status = msim_scene_set_law(scene, count, springs, shape->law, err);
+  ms_memory_free(&alloc, springs);
+  return status;
+}
+
+msim_status ms_objects_add_springs(msim_scene *scene, const ms_shape *shape, msim_error *err) {
+  const int32_t count = (int32_t)shape->nsprings;
+  msim_status status = ms_scene_begin_springs(scene, count, err);
+  if (status) return status;
+  ms_scene *s = scene->data;
+  const size_t at = (size_t)s->nsprings;
+  shape->lists->list_springs(shape, s->ij + 2 * at, s->k + at);
+  shift_indices(shape, 2 * (int64_t)count, s->ij + 2 * at);
+  for (size_t e = at; e < at + (size_t)count; e++) s->damping[e] = shape->damping;
+  status = ms_scene_end_springs(s, count, 0, err);
+  if (!status && shape->law) status = set_law(scene, shape, err);
   if (!status) status = add_angles(scene, shape, err);
   if (!status && shape->mesh) ms_mesh_add_repairs(shape->mesh, &scene->data->repairs);
   return status;
