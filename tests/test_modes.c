@@ -171,7 +171,8 @@ static void shapes_vibrate(void **state) {
     assert_ok(msim_sim_equilibrium(sim, 1e-9, 1000, NULL, err));
     const msim_state s = state_of(sim);
     const size_t n = 3 * (size_t)s.n;
-    double *u = calloc(MODES * n, sizeof *u), *at = calloc(5 * n, sizeof *at);
+    double *u = malloc(MODES * n * sizeof *u), *at = calloc(5 * n, sizeof *at);
+    for (size_t c = 0; c < MODES * n; c++) u[c] = NAN;
     double *f = modes_of(sim, MODES, u), *force[2] = {at + n, at + 2 * n}, *v = at + 3 * n;
     const double e = 1e-6, mass = 0.3 / 49;
     for (int j = 0; j < MODES; j++) {

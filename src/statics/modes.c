@@ -144,13 +144,12 @@ static double squared_frequency(const subspace *s, int32_t j) {
 /* w^2 up to here are rounding errors of K. */
 static double rounding_level(const subspace *s) { return 64 * DBL_EPSILON * s->omega * s->omega; }
 
-/* The residual of a Ritz vector that has converged: small, or an error of the solves: of rounding,
- * as for rigid motions, or of iterations, of which the largest theta has most */
+/* The residual of a Ritz vector that has converged: small, or errors of iterative solves, of which
+ * the largest theta has most */
 static double largest_residual(const subspace *s, double theta) {
-  const double SMALL = 1e-8, highest = s->h * s->omega;
-  const double iterations =
-      s->sim->islands->stepper.solver->linear->factorises ? 0 : MS_STATIC_RTOL * s->theta[0];
-  return SMALL * theta + 4 * DBL_EPSILON * highest * highest * theta * theta + iterations;
+  const double SMALL = 1e-8;
+  const int is_iterative = !s->sim->islands->stepper.solver->linear->factorises;
+  return SMALL * theta + is_iterative * MS_STATIC_RTOL * s->theta[0];
 }
 
 /* The Ritz vectors become the basis, and grow by the residuals B u - theta u of the wanted modes
@@ -205,7 +204,6 @@ static void write_modes(const subspace *s, double *frequency, double *shape) {
     const double w2 = squared_frequency(s, j);
     frequency[j] = fabs(w2) <= rounding_level(s) ? 0 : copysign(sqrt(fabs(w2)), w2) / TWO_PI;
     if (!shape) continue;
-    memset(shape + (size_t)j * n, 0, n * sizeof *shape);
     ms_vector_scale_rows(s->shape, s->scratch, s->v[j], s->v[j]);
     ms_unknowns_scatter(&s->sim->islands->model.unknowns, s->v[j], shape + (size_t)j * n);
   }
