@@ -172,6 +172,12 @@ def column(load, n=16, compressed=False):
     return s
 
 
+def floating_beam():
+    s = column(0, 60)
+    s.pinned = []
+    return s
+
+
 def heavy_column():
     """The same column under its own weight, beyond Greenhill's 7.84 EI/l^2 = 3.9 N."""
     s = column(0)
@@ -212,6 +218,17 @@ def tension_only_nets():
         s.add(random.random(3), 0.1 + random.random(), p < 4)
         for q in random.choice(p, min(p, 3), replace=False) if p >= 4 else []:
             s.join(int(q), p, 100 + 1000 * random.random(), 0.5 + random.random(), "tension")
+    return s
+
+
+def collapsed_chain():
+    """Springs of 0.1 m, of which almost nothing is left at the start."""
+    s = Scene()
+    for i in range(6):
+        s.add([0, 1e-9 * (i % 2), -1e-9 * i], pinned=i == 0)
+        if i:
+            s.join(i - 1, i)
+            s.rest[-1] = 0.1
     return s
 
 
@@ -306,6 +323,12 @@ def net_that_lets_go():
     return s
 
 
+def spring_of_no_stiffness():
+    s = Scene()
+    s.join(s.add([0, 0, 0], pinned=True), s.add([1, 0, 0]), k=0)
+    return s
+
+
 MINIMA = {
     "slack net": lambda: net(8, 8, 1.3),
     "slack net, tension only": lambda: net(8, 8, 1.3, "tension"),
@@ -320,6 +343,7 @@ MINIMA = {
     "column of a lattice": lambda: lattice_column(200),
     "compressed plate": compressed_plate,
     "tension-only net": tension_only_nets,
+    "collapsed chain": collapsed_chain,
     "spoked wheel": spoked_wheel,
     "inverted pendulum": lambda: inverted_chain(2, 1e4),
     "inverted chain": lambda: inverted_chain(12, 1e4),
@@ -329,6 +353,7 @@ MINIMA = {
     "snapped truss": snapped_truss,
     "inverted tetrahedron": inverted_tetrahedron,
     "floating bodies": floating_bodies,
+    "floating beam": floating_beam,
     "bar pulled at both ends": lambda: bar((0, 0, 0), (-3, 0, 0), (0, 0, 0), (3, 0, 0)),
     "bar pushed at both ends": lambda: bar((0, 0, 0), (3, 0, 0), (-3, 0, 0)),
     "bar that a couple turns": lambda: bar((0, 0, 0), (0, 2, 0), (0, -2, 0)),
@@ -339,7 +364,8 @@ NONE = {
     "falling bar": (lambda: bar(DOWN, (0, 0, 0), (0, 0, 0)), ("9.81 N", "particle 0")),
     "bar pushed along": (lambda: bar((0, 0, 0), (1, 0, 0), (1, 0, 0)), ("2 N", "particle 0")),
     "net with a floating part": (with_a_floating_part, ("1.96 N", "particle 16")),
-    "net that lets go": (net_that_lets_go, ("no equilibrium", "particle 1")),
+    "net that lets go": (net_that_lets_go, ("no equilibrium near", "particle 1 moves away")),
+    "spring of no stiffness": (spring_of_no_stiffness, ("particle 1 moves away",)),
 }
 
 

@@ -12,7 +12,6 @@
  * Newton's method also converges to equilibria that are no minimum, as a straight column under its
  * buckling load. So M + h^2 K is factored at the end: if it is not positive definite, the search
  * continues from a small displacement along the motion with the most negative stiffness. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -28,19 +27,20 @@ typedef struct search {
   double *x;     /* 3n: the present positions */
   double *force; /* 3n: that nothing balances there */
   double h;
+  double length;   /* m: mean_length() at the start */
   double omega;    /* 1/s: a bound of the highest frequency */
   double accepted; /* N: the largest force at the end of the search */
   int32_t most;    /* iterations of Newton's method */
   msim_equilibrium result;
 } search;
 
+/* The largest force; those on pinned particles are 0. */
 static void measure_forces(search *s) {
   const ms_scene *scene = s->sim->scene;
   s->result.force = 0;
   for (int32_t p = 0; p < scene->nparticles; p++) {
     const double force = ms_vec3_norm(s->force + 3 * (size_t)p);
-    if (scene->pinned[p] || !(force > s->result.force)) continue;
-    s->result.force = force, s->result.particle = p;
+    if (force > s->result.force) s->result.force = force, s->result.particle = p;
   }
 }
 
@@ -55,6 +55,33 @@ static void find_forces(search *s) {
     for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++)
       s->force[i] = scene->mass[i / 3] * now.v[i] / s->h;
   measure_forces(s);
+}
+
+static double distance(const double *x, const double *y) {
+  double d[3];
+  memcpy(d, y, sizeof d);
+  ms_vec3_axpy(-1, x, d);
+  return ms_vec3_norm(d);
+}
+
+/* The mean length of springs, at present or at rest, and of the edges of angular springs; without
+ * any, 1 m */
+static double mean_length(const search *s) {
+  const ms_scene *scene = s->sim->scene;
+  const int64_t edges = (int64_t)scene->nsprings + 2 * (int64_t)scene->angles.n;
+  double sum = 0;
+  for (size_t e = 0; e < (size_t)scene->nsprings; e++) {
+    const int32_t *ij = scene->ij + 2 * e;
+    const double present = distance(s->x + 3 * (size_t)ij[0], s->x + 3 * (size_t)ij[1]);
+    sum += fmax(present, scene->rest[e]);
+  }
+  for (size_t e = 0; e < (size_t)scene->angles.n; e++) {
+    const int32_t *ijk = scene->angles.ijk + 3 * e;
+    const double *middle = s->x + 3 * (size_t)ijk[1];
+    sum +=
+        distance(s->x + 3 * (size_t)ijk[0], middle) + distance(middle, s->x + 3 * (size_t)ijk[2]);
+  }
+  return sum > 0 ? sum / (double)edges : 1;
 }
 
 static int32_t iterations_left(const search *s) { return s->most - s->result.iterations; }
@@ -108,6 +135,22 @@ static msim_status check_support(const search *s, msim_error *err) {
   return status;
 }
 
+/* MSIM_NOT_CONVERGED: the search follows a particle that nothing holds, as a spring that only
+ * pushes lets it go: it is FAR from its start. */
+static msim_status check_distance(const search *s, msim_error *err) {
+  const double FAR = 1e8 * s->length;
+  for (int32_t p = 0; p < s->sim->scene->nparticles; p++) {
+    const double moved = distance(s->sim->scene->x + 3 * (size_t)p, s->x + 3 * (size_t)p);
+    if (moved > FAR)
+      return ms_error_set(
+          err, MSIM_NOT_CONVERGED,
+          "there is no equilibrium near the start: particle %d moves away, by %.3g m "
+          "so far, and %.3g N are left on particle %d",
+          p, moved, s->result.force, s->result.particle);
+  }
+  return MSIM_OK;
+}
+
 /*------------------------------------- minima ---------------------------------------------------*/
 
 /* h of the test of a minimum. With h = 1e5/omega, negative eigenvalues of K above -1e-10 of the
@@ -134,35 +177,14 @@ static msim_status find_unstable_motion(search *s, double *b, double *v, msim_er
   return status;
 }
 
-static double distance(const search *s, int32_t p, int32_t q) {
-  double d[3];
-  memcpy(d, s->x + 3 * (size_t)q, sizeof d);
-  ms_vec3_axpy(-1, s->x + 3 * (size_t)p, d);
-  return ms_vec3_norm(d);
-}
-
-/* The mean length of springs and of the edges of angular springs; without any, 1 m. */
-static double mean_length(const search *s) {
-  const ms_scene *scene = s->sim->scene;
-  const int64_t edges = (int64_t)scene->nsprings + 2 * (int64_t)scene->angles.n;
-  double sum = 0;
-  for (size_t e = 0; e < (size_t)scene->nsprings; e++)
-    sum += distance(s, scene->ij[2 * e], scene->ij[2 * e + 1]);
-  for (size_t e = 0; e < (size_t)scene->angles.n; e++) {
-    const int32_t *ijk = scene->angles.ijk + 3 * e;
-    sum += distance(s, ijk[0], ijk[1]) + distance(s, ijk[1], ijk[2]);
-  }
-  return sum > 0 ? sum / (double)edges : 1;
-}
-
-/* Displace the particles along v by at most a hundredth of that. */
+/* Displace the particles along v by at most a hundredth of the length of springs. */
 static void leave_saddle(search *s, double *v) {
   const ms_scene *scene = s->sim->scene;
   double largest = 0;
   ms_unknowns_scatter(&s->sim->islands->model.unknowns, v, s->force);
   for (int32_t p = 0; p < scene->nparticles; p++)
     if (!scene->pinned[p]) largest = fmax(largest, ms_vec3_norm(s->force + 3 * (size_t)p));
-  const double scale = 0.01 * mean_length(s) / largest;
+  const double scale = 0.01 * s->length / largest;
   for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++)
     if (!scene->pinned[i / 3]) s->x[i] += scale * s->force[i];
   s->result.saddles++;
@@ -228,6 +250,8 @@ static msim_status find_equilibrium(search *s, int is_last, msim_error *err) {
       continue;
     }
     find_forces(s);
+    status = check_distance(s, err);
+    if (status) return status;
     const int is_small = s->result.force <= s->accepted;
     if (is_small && is_last) status = check_minimum(s, &left, err);
     if (status || (is_small && !left)) return status;
@@ -248,6 +272,7 @@ static msim_status begin_search(search *s, msim_error *err) {
   s->omega = bounds.omega > 0 ? bounds.omega : 1;
   s->h = 10 / s->omega;
   memcpy(s->x, scene->x, n * sizeof *s->x);
+  s->length = mean_length(s);
   msim_sim_force(s->sim, s->x, scene->v, s->force);
   measure_forces(s);
   return check_support(s, err);
