@@ -370,6 +370,10 @@ NONE = {
 
 
 class RestScenes(CliTest):
+    def setUp(self):
+        super().setUp()
+        support.require("backend_cholmod" in support.plugins(), "the plugin cholmod")
+
     def check_minimum(self, s):
         """No force is left, and no eigenvalue of K is below 0 by more than K changes with the
         positions: those of mechanisms are 0."""

@@ -12,6 +12,7 @@
 #include <pthread.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 
 #include <assimp/cimport.h>
@@ -176,6 +177,61 @@ static msim_status check_ply(const msim_host *host, const char *path, unsigned *
   return MSIM_ERR_ARG;
 }
 
+/* What a file begins and ends with */
+typedef struct ends {
+  char head[84], tail[256]; /* up to the last character that is not blank */
+  const char *line;         /* the last line in tail, without blanks around it */
+  int has_end;              /* a line end follows */
+  long size;
+} ends;
+
+static int read_ends(const char *path, ends *e) {
+  const long most = sizeof e->tail - 1;
+  FILE *file = fopen(path, "rb");
+  *e = (ends){.line = e->tail};
+  if (!file) return 0;
+  const int is_there = fread(e->head, 1, sizeof e->head, file) > 0 &&
+                       fseek(file, 0, SEEK_END) == 0 && (e->size = ftell(file)) > 0 &&
+                       fseek(file, e->size > most ? e->size - most : 0, SEEK_SET) == 0;
+  size_t n = is_there ? fread(e->tail, 1, (size_t)most, file) : 0;
+  fclose(file);
+  e->has_end = n > 0 && strchr("\r\n", e->tail[n - 1]) != NULL;
+  while (n > 0 && strchr(" \t\r\n", e->tail[n - 1])) e->tail[--n] = '\0';
+  const char *before = strrchr(e->tail, '\n');
+  if (before) e->line = before + 1;
+  e->line += strspn(e->line, " \t");
+  return n > 0;
+}
+
+/* Binary files may begin like text; they have 50 bytes a face, whose number stands in byte 80. */
+static int is_text_of_stl(const ends *e) {
+  uint32_t nfaces;
+  memcpy(&nfaces, e->head + 80, sizeof nfaces);
+  return strncmp(e->head, "solid", 5) == 0 && e->size != 84 + 50 * (long)nfaces;
+}
+
+/* A vertex or a face of fewer than three numbers, behind which the file ends */
+static int is_cut_line_of_obj(const ends *e) {
+  char word[3][16];
+  const int is_element = strncmp(e->line, "v ", 2) == 0 || strncmp(e->line, "f ", 2) == 0;
+  return !e->has_end && is_element &&
+         sscanf(e->line + 2, "%15s %15s %15s", word[0], word[1], word[2]) < 3;
+}
+
+/* libassimp returns what is there of truncated text files. */
+static msim_status check_end(const msim_host *host, const char *path) {
+  const char *extension = strrchr(path, '.');
+  ends e;
+  if (!extension || !read_ends(path, &e)) return MSIM_OK;
+  if (is_text_of_stl(&e) && strncmp(e.line, "endsolid", 8) != 0) {
+    host->fail(host, "it does not end with endsolid: the file is truncated");
+    return MSIM_ERR_ARG;
+  }
+  if (strcasecmp(extension, ".obj") != 0 || !is_cut_line_of_obj(&e)) return MSIM_OK;
+  host->fail(host, "its last line is incomplete: the file is truncated");
+  return MSIM_ERR_ARG;
+}
+
 /* What the triangulation of libassimp takes for granted. Of a truncated PLY file it returns the
  * faces that are there; stated: the number in its header, 0: none. */
 static msim_status check_faces(const msim_host *host, const struct aiScene *scene,
@@ -222,6 +278,7 @@ static msim_status load(const msim_host *host, const char *path, const msim_tree
   unsigned nfaces = 0;
   msim_status status = check_file(host, path);
   if (!status) status = check_ply(host, path, &nfaces);
+  if (!status) status = check_end(host, path);
   if (status) return status;
   host->lock(host);
   const struct aiScene *scene = import(host, path, nfaces, &status);
