@@ -328,6 +328,11 @@ static void set_drag(Scene &s, double drag) {
   check(msim_scene_set_drag(s.p, drag, &err), err);
 }
 
+static void set_self_contact(Scene &s, double thickness, double friction) {
+  msim_error err;
+  check(msim_scene_set_self_contact(s.p, thickness, friction, &err), err);
+}
+
 static void set_forces(Scene &s, Doubles force) {
   msim_error err;
   check(msim_scene_set_forces(s.p, force.data(), &err), err);
@@ -379,6 +384,12 @@ void bind_scene(nb::module_ &m) {
       .def("set_gravity", set_gravity)
       .def("drag", [](const Scene &s) { return get(s).drag; })
       .def("set_drag", set_drag)
+      .def("self_contact",
+           [](const Scene &s) {
+             const msim_scene_view view = get(s);
+             return nb::make_tuple(view.self_thickness, view.self_friction);
+           })
+      .def("set_self_contact", set_self_contact)
       .def("set_forces", set_forces)
       .def("add_motion", add_motion)
       .def("set_collider_motion", set_collider_motion, nb::arg(), nb::arg(), nb::arg(),

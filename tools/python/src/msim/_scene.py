@@ -329,6 +329,16 @@ class Scene(Obstacles):
         self._core.set_drag(_arrays.number("drag", value))
 
     @property
+    def self_contact(self) -> tuple[float, float]:
+        """Thickness (m) and friction of self-contact; (0, 0): there is none."""
+        return self._core.self_contact()
+
+    def set_self_contact(self, thickness: float, friction: float = 0) -> None:
+        """Let faces and ropes not pass through each other or themselves; thickness 0: they do."""
+        self._core.set_self_contact(_arrays.number("thickness", thickness),
+                                    _arrays.number("friction", friction))
+
+    @property
     def force(self) -> Doubles:
         """Constant forces on particles, (n, 3), N; a read-only copy. Assign others."""
         return self._array("force")
