@@ -309,9 +309,9 @@ static void edits_change_the_surface(void **state) {
 
 static void want_of_memory(void **state) {
   (void)state;
+  if (!FAILING_MALLOC) skip();
   msim_scene *scene = two_sheets(0.3);
   const msim_options opt = options("velocity-verlet", 1e-3);
-  if (!FAILING_MALLOC) skip();
   for (int64_t which = 0;; which++) {
     msim_error why;
     msim_sim *sim;

@@ -36,6 +36,26 @@ static void cloth_folds_over_a_sphere(void **state) {
   fold("implicit-euler", 20, 1000, 1 / 60., 1.5);
 }
 
+/* A stiff cloth in long steps: no step adds energy, as pushing single particles out of each other
+ * would, beyond 1e-4 of the energy of motion. */
+static void no_step_adds_energy(void **state) {
+  (void)state;
+  msim_scene *scene = cloth_over_sphere(24, 3000);
+  const msim_options opt = options("implicit-euler", 1 / 60.);
+  msim_sim *sim = make_sim(scene, &opt);
+  double before = total_energy(sim);
+  for (int i = 0; i < 60; i++) {
+    msim_energy e = {.size = sizeof e};
+    assert_ok(msim_sim_step(sim, 1, err));
+    msim_sim_energy(sim, &e);
+    assert_true(total_energy(sim) <= before + 1e-4 * (e.kinetic + e.elastic) + 1e-9);
+    before = total_energy(sim);
+  }
+  assert_true(before < -0.5);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 static void large_cloth_folds_over_a_sphere(void **state) {
   (void)state;
   if (HAS_ADDRESS_SANITIZER) skip();
@@ -102,6 +122,28 @@ static void fast_sheets_are_stopped(void **state) {
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
+}
+
+/* Pairs that were far from each other while all was at rest are found in the first fast step. */
+static void sudden_accelerations_are_stopped(void **state) {
+  (void)state;
+  const double gravity[3] = {0, 0, -1e7};
+  int32_t pinned[36];
+  msim_scene *scene = surfaces(0, 0.3);
+  add_sheet(scene, 6, 100, 1, 0, 0, 0, NULL);
+  for (int32_t i = 0; i < 36; i++) pinned[i] = i;
+  assert_ok(msim_scene_pin(scene, 36, pinned, err));
+  add_sheet(scene, 5, 100, 0.5, 0.02, 0.01, 0.5, NULL);
+  msim_options opt = options("velocity-verlet", 1e-3);
+  opt.watch = MSIM_WATCH_OFF;
+  msim_sim *sim = make_sim(scene, &opt);
+  run_without_intersections(sim, scene, 2, 0, NULL);
+  assert_ok(msim_sim_set_gravity(sim, gravity, err));
+  run_without_intersections(sim, scene, 1, 0, NULL); /* of 5 m */
+  const msim_state s = state_of(sim);
+  for (int32_t i = 36; i < s.n; i++) assert_true(s.x[3 * i + 2] > 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
 }
 
 /*------------------------------------- ropes and solids -----------------------------------------*/
@@ -229,6 +271,41 @@ static msim_scene *random_scene(unsigned *seed) {
   return scene;
 }
 
+/* Make n steps, in which particles that stay where they are are at rest; returns their number. */
+static int64_t expect_rest_where_stopped(msim_sim *sim, int64_t n) {
+  const size_t bytes = 3 * (size_t)state_of(sim).n * sizeof(double);
+  double *x = malloc(bytes);
+  int64_t stopped = 0;
+  for (int64_t i = 0; i < n; i++) {
+    memcpy(x, state_of(sim).x, bytes);
+    assert_ok(msim_sim_step(sim, 1, err));
+    const msim_state s = state_of(sim);
+    for (int32_t p = 0; p < s.n; p++) {
+      const double *v = s.v + 3 * p;
+      if (memcmp(x + 3 * p, s.x + 3 * p, 3 * sizeof *x) != 0) continue;
+      assert_true(v[0] == 0 && v[1] == 0 && v[2] == 0);
+      stopped++;
+    }
+  }
+  free(x);
+  return stopped;
+}
+
+static void particles_stop_where_pushes_do_not_help(void **state) {
+  (void)state;
+  unsigned seed = 11;
+  int64_t stopped = 0;
+  for (int i = 0; i < 5; i++) {
+    msim_scene *scene = random_scene(&seed);
+    const msim_options opt = options("velocity-verlet", 4e-3);
+    msim_sim *sim = make_sim(scene, &opt);
+    stopped += expect_rest_where_stopped(sim, 50);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+  assert_true(stopped > 0);
+}
+
 static void random_scenes_at_high_speed(void **state) {
   (void)state;
   static const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler",
@@ -251,11 +328,14 @@ static void random_scenes_at_high_speed(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(cloth_folds_over_a_sphere),
                                      cmocka_unit_test(large_cloth_folds_over_a_sphere),
+                                     cmocka_unit_test(no_step_adds_energy),
                                      cmocka_unit_test(cloths_cross),
                                      cmocka_unit_test(fast_sheets_are_stopped),
+                                     cmocka_unit_test(sudden_accelerations_are_stopped),
                                      cmocka_unit_test(ropes_stay_above),
                                      cmocka_unit_test(solid_falls_on_cloth),
                                      cmocka_unit_test(friction_follows_coulomb),
-                                     cmocka_unit_test(random_scenes_at_high_speed)};
+                                     cmocka_unit_test(random_scenes_at_high_speed),
+                                     cmocka_unit_test(particles_stop_where_pushes_do_not_help)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

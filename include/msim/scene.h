@@ -307,7 +307,7 @@ typedef struct msim_scene_view {
   int32_t nangles;
   const int32_t *ijk;                                 /* 3 nangles */
   const double *angle_k, *angle_rest, *angle_damping; /* nangles: N m/rad^2, rad, N m s/rad */
-  double self_thickness, self_friction; /* m: of self-contact; 0: there is none */
+  double self_thickness, self_friction;               /* m: of self-contact; 0: there is none */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */

@@ -116,18 +116,11 @@ static int are_inside(const ms_proximity *at) {
   return at->weight[0] != 0 && at->weight[1] != 0 && at->weight[2] != 0 && at->weight[3] != 0;
 }
 
-/* The largest distance by which surfaces that are closer than the thickness move apart in a step:
- * less than gravity moves them */
-static double find_longest_return(const ms_stepper *s) {
-  return 0.25 * s->h * s->h * ms_external_acceleration(&s->model->external);
-}
-
 /* Prepare the pairs for a step: those that are close at x0 get a plane. A pair that is closer than
- * the thickness is moved apart by a part of what is missing. */
-static void start_pairs(ms_self_contact *c, const ms_stepper *s) {
+ * the thickness is moved apart by a part of what is missing, at most longest_return. */
+static void start_pairs(ms_self_contact *c, double longest_return) {
   const double LEAST = 0.1; /* of the thickness, or of half the distance at x0 */
   const double RETURN = 0.1;
-  const double most = find_longest_return(s);
   for (ms_surface_pair *p = c->pairs.pair; p < c->pairs.pair + c->pairs.n; p++) {
     double x[4][3];
     ms_surface_pair_get(p, c->x0, x);
@@ -136,7 +129,7 @@ static void start_pairs(ms_self_contact *c, const ms_stepper *s) {
     p->least = LEAST * fmin(p->thickness, 0.5 * at.distance);
     p->stop = ms_proximity_stop(at.distance, p->least);
     const double missing = fmax(0, p->thickness - at.distance);
-    p->target = fmin(p->thickness, at.distance + fmin(RETURN * missing, most));
+    p->target = fmin(p->thickness, at.distance + fmin(RETURN * missing, longest_return));
     memcpy(p->apart, at.normal, sizeof p->apart);
     if (at.distance <= p->thickness && are_inside(&at)) set_plane(p, &at);
   }
@@ -317,7 +310,7 @@ static msim_status stop_all_colliding(ms_self_contact *c, ms_stepper *s, msim_er
     const msim_status status =
         ms_surface_pairs_update(alloc, &c->pairs, c->x0, c->x1, &is_new, err);
     if (status) return status;
-    if (is_new) start_pairs(c, s);
+    if (is_new) start_pairs(c, 0);
     else if (pass > 0) break;
     stopped = stop_colliding(c, &pass, &stuck);
     if (stuck) return report_stuck(c, s, stuck, err);
@@ -328,7 +321,7 @@ static msim_status stop_all_colliding(ms_self_contact *c, ms_stepper *s, msim_er
 /*------------------------------------- the step -------------------------------------------------*/
 
 static void reflect(ms_self_contact *c, ms_stepper *s) {
-  ms_stepper_reflect_remaining(s, s->contact_log);
+  ms_stepper_reflect_remaining(s, NULL);
   gather_end(c, s);
 }
 
@@ -361,19 +354,20 @@ static double find_end_energy(const ms_self_contact *c, const ms_stepper *s, dou
 }
 
 /* The energy, less work, that the step may lead to: that at its start or without contact, with what
- * the method may add by errors of rounding and linearization, and what lifts surfaces that are
- * closer than the thickness (start_pairs) */
+ * the method may add by errors of rounding and linearization. In explicit methods contact turns
+ * m (g h)^2/2, the energy of the velocity that gravity adds, into height: that is exact only in
+ * sum. */
 static double find_most_energy(const ms_self_contact *c, ms_stepper *s) {
   const double SMALL = 1e-5; /* of kinetic and elastic energy */
   const ms_model *model = s->model;
-  const double g = ms_external_acceleration(&model->external);
+  const double added = s->solver ? 0 : s->h * ms_external_acceleration(&model->external);
   double motion[2], mass = 0;
   if (model->pins)
     ms_moving_pins_set(model, (ms_instant){.t = s->t + s->h, .before = 1}, s->x_next, NULL);
   for (int32_t r = 0; r < model->unknowns.nfree; r++) mass += model->mass[r];
   const double most = fmax(ms_step_energy_sum(model, s->x, s->v, c->parts, &motion[0]),
                            find_end_energy(c, s, &motion[1]));
-  return most + SMALL * fmax(motion[0], motion[1]) + mass * g * find_longest_return(s);
+  return most + SMALL * fmax(motion[0], motion[1]) + 0.5 * mass * added * added;
 }
 
 static void halve_step(ms_stepper *s) {
@@ -411,18 +405,36 @@ static msim_status finish_step(ms_self_contact *c, ms_stepper *s, double most, m
   return MSIM_OK;
 }
 
+/* Push pairs apart, and those that are closer than the thickness back to it: by less than gravity
+ * moves them in the step. If that needs more energy than there is, they keep their distance. */
+static int64_t push_apart_within(ms_self_contact *c, ms_stepper *s, double most) {
+  const ms_shape shape = s->model->shape;
+  const double work = s->work_in_step;
+  double unused;
+  start_pairs(c, 0.25 * s->h * s->h * ms_external_acceleration(&s->model->external));
+  copy_step(shape, s->x_next, s->v_next, c->best[0], c->best[1]);
+  const int64_t pushed = push_apart(c, s);
+  scatter_end(c, s);
+  if (pushed == 0 || find_end_energy(c, s, &unused) <= most) return pushed;
+  copy_step(shape, c->best[0], c->best[1], s->x_next, s->v_next);
+  s->work_in_step = work;
+  gather_end(c, s);
+  start_pairs(c, 0);
+  const int64_t again = push_apart(c, s);
+  scatter_end(c, s);
+  return again > 0 ? again : pushed;
+}
+
 static msim_status correct_end(ms_self_contact *c, ms_stepper *s, msim_error *err) {
   int is_new;
   gather_step(c, s);
   msim_status status =
       ms_surface_pairs_update(&s->model->scene->alloc, &c->pairs, c->x0, c->x1, &is_new, err);
   if (status || c->pairs.n == 0) return status;
-  start_pairs(c, s);
   const double most = find_most_energy(c, s);
-  const int64_t pushed = push_apart(c, s);
+  const int64_t pushed = push_apart_within(c, s, most);
   if (pushed == 0) return MSIM_OK;
   s->stats->contacts += pushed;
-  scatter_end(c, s);
   s->cached_stage_next = 0;
   return finish_step(c, s, most, err);
 }

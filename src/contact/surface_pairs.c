@@ -5,6 +5,19 @@
 
 #include "base/vec3.h"
 
+/* The mean length of all edges in the scene; INFINITY: there are none */
+static double find_mean_length(const ms_contact_surface *s) {
+  double sum = 0;
+  int64_t n = 0;
+  for (int32_t i = 0; i < s->nelements; i++)
+    for (int e = 0; e < ms_contact_surface_count_edges(s, i); e++, n++) {
+      const double *a = s->x_rest + 3 * (size_t)s->corner[i][e],
+                   *b = s->x_rest + 3 * (size_t)s->corner[i][(e + 1) % 3];
+      sum += ms_vec3_norm((const double[3]){b[0] - a[0], b[1] - a[1], b[2] - a[2]});
+    }
+  return n > 0 ? sum / (double)n : INFINITY;
+}
+
 msim_status ms_surface_pairs_create(const ms_model *model, double thickness,
                                     ms_surface_pairs *pairs, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
@@ -12,6 +25,7 @@ msim_status ms_surface_pairs_create(const ms_model *model, double thickness,
   msim_status status = ms_contact_surface_create(model, &pairs->surface, err);
   if (!status) status = ms_surface_tree_create(model->scene, &pairs->surface, &pairs->tree, err);
   if (status) return status;
+  pairs->slack = fmin(thickness, 0.25 * find_mean_length(&pairs->surface));
   const size_t n = 3 * (size_t)pairs->surface.nnodes;
   if (MS_NEW(alloc, pairs->base[0], n) && MS_NEW(alloc, pairs->base[1], n)) return MSIM_OK;
   return ms_error_set_memory(err, "the surface");
@@ -44,8 +58,8 @@ static double find_largest_change(int32_t n, const double *x, const double *y) {
 static void choose_base(ms_surface_pairs *p, const double *x0, const double *x1) {
   const int32_t n = p->surface.nnodes;
   const size_t bytes = 3 * (size_t)n * sizeof *x0;
-  const int is_slow = find_largest_change(n, x0, x1) <= p->thickness / 4;
-  p->margin = is_slow ? p->thickness : p->thickness / 4;
+  const int is_slow = find_largest_change(n, x0, x1) <= p->slack / 4;
+  p->margin = is_slow ? p->slack : p->slack / 4;
   memcpy(p->base[0], x0, bytes);
   memcpy(p->base[1], is_slow ? x0 : x1, bytes);
 }
@@ -79,13 +93,18 @@ static int are_boxes_apart(ms_feature_kind kind, double x[4][3], double reach) {
   return 0;
 }
 
-/* 1: they may come closer than the thickness on ways within the margin of the base. */
-static int may_come_close(const ms_surface_pairs *pairs, const ms_surface_pair *p) {
-  double x0[4][3], x1[4][3];
+/* Set the thickness of a pair. 1: it may come closer than that on ways within the margin of the
+ * base. */
+static int may_come_close(const ms_surface_pairs *pairs, ms_surface_pair *p) {
+  double x0[4][3], x1[4][3], rest[4][3];
   ms_surface_pair_get(p, pairs->base[0], x0), ms_surface_pair_get(p, pairs->base[1], x1);
-  const double reach =
-      pairs->thickness + 2 * pairs->margin + ms_proximity_bound_change(p->kind, x0, x1);
-  return !are_boxes_apart(p->kind, x0, reach) && ms_proximity_find(p->kind, x0).distance <= reach;
+  const double way = 2 * pairs->margin + ms_proximity_bound_change(p->kind, x0, x1);
+  if (are_boxes_apart(p->kind, x0, pairs->thickness + way)) return 0;
+  const double distance = ms_proximity_find(p->kind, x0).distance;
+  if (distance > pairs->thickness + way) return 0;
+  ms_surface_pair_get(p, pairs->surface.x_rest, rest);
+  p->thickness = fmin(pairs->thickness, 0.5 * ms_proximity_find(p->kind, rest).distance);
+  return distance <= p->thickness + way;
 }
 
 static void append(const ms_surface_pair *p, ms_surface_pair *list, int *n) {
@@ -124,10 +143,7 @@ static msim_status add_pairs(const msim_allocator *alloc, ms_surface_pairs *pair
   ms_surface_pair list[MS_MOST_FEATURE_PAIRS];
   const int n = ms_surface_pairs_list(&pairs->surface, a, b, list);
   for (ms_surface_pair *p = list; p < list + n; p++) {
-    double rest[4][3];
     if (!may_come_close(pairs, p)) continue;
-    ms_surface_pair_get(p, pairs->surface.x_rest, rest);
-    p->thickness = fmin(pairs->thickness, 0.5 * ms_proximity_find(p->kind, rest).distance);
     const msim_status status = ms_memory_reserve(alloc, MS_ARRAY(pairs->pair), pairs->n,
                                                  &pairs->capacity, (int64_t)pairs->n + 1, err);
     if (status) return status;

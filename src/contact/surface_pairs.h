@@ -27,6 +27,7 @@ typedef struct ms_surface_pair {
 
 typedef struct ms_surface_pairs {
   double thickness; /* m */
+  double slack;     /* m: the largest margin: little against distances of pairs that are not near */
   ms_contact_surface surface;
   ms_surface_tree tree;
   int32_t n, capacity;
@@ -40,7 +41,7 @@ msim_status ms_surface_pairs_create(const ms_model *model, double thickness,
                                     ms_surface_pairs *pairs, msim_error *err);
 void ms_surface_pairs_destroy(const ms_scene *scene, ms_surface_pairs *pairs);
 
-/* Let the list contain all pairs that come closer than the thickness while the nodes move on
+/* Let the list contain all pairs that come closer than their thickness while the nodes move on
  * straight lines from x0 to x1. *is_new: it was made anew. May allocate. */
 msim_status ms_surface_pairs_update(const msim_allocator *alloc, ms_surface_pairs *pairs,
                                     const double *x0, const double *x1, int *is_new,

@@ -23,8 +23,8 @@ typedef struct ms_island_sim {
   msim_status status; /* single_thread: result of the step that is being made */
   int is_reused;      /* while islands are built: 1 + the old island that this one is; 0: none */
   ms_self_contact *self_contact; /* NULL: surfaces pass through each other */
-  ms_norm norm;       /* scales of errors, with a tol */
-  double error;       /* of the step that is being made, over what is allowed */
+  ms_norm norm;                  /* scales of errors, with a tol */
+  double error;                  /* of the step that is being made, over what is allowed */
   ms_last_good_state last_good;
   ms_island_verification verification;
   ms_disturbance disturbance;

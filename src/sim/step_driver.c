@@ -53,9 +53,9 @@ static msim_status step_island(const msim_sim *sim, ms_island_sim *m, msim_error
   const int64_t contacts = m->stepper.stats->contacts;
   const int verified = sim->config.choice.verification.allowed > 0;
   msim_status status = ms_sim_has_control(sim)
-                                 ? ms_island_step_make_controlled(sim, m, &sim->run.control, err)
-                             : verified ? ms_step_verification_make_step(sim, m, err)
-                                        : make_fixed_step(sim, &m->stepper, err);
+                           ? ms_island_step_make_controlled(sim, m, &sim->run.control, err)
+                       : verified ? ms_step_verification_make_step(sim, m, err)
+                                  : make_fixed_step(sim, &m->stepper, err);
   if (!status && m->self_contact)
     status = ms_self_contact_correct(m->self_contact, &m->stepper, err);
   m->at_rest_next = !status && !m->stepper.incomplete && stays_at_rest(sim, m, contacts);
