@@ -152,6 +152,9 @@ int ms_stepper_has_contacts(const ms_stepper *s);
 /* 1: the step, whose x_next is roughly known, is to be made anew with other contacts, and need not
  * be solved further. Asked once in a step; collective */
 int ms_stepper_is_rejected(ms_stepper *s);
+/* Copies the velocities of these particles from v to v_to: they have those that the contacts
+ * prescribe, which solves keep. */
+void ms_stepper_copy_contacts(const ms_stepper *s, const double *v, double *v_to);
 /* Adds the constraints of these contacts to a linear system. */
 void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec);
 

@@ -36,9 +36,9 @@ typedef struct newton {
   int is_truncated;                   /* d was truncated at the radius */
   search search;                      /* of this d; between iterations, that to try next */
   dampers dampers;                    /* in this stage */
-  int residual_grew;                  /* REDUCE_RESIDUAL did not reduce the residual */
-  int failures;                       /* solves and searches with the full matrix that failed */
-  double moved;                       /* ||lambda d|| of the last iteration */
+  int is_stuck; /* REDUCE_RESIDUAL did not reduce the residual, or by less than a tenth */
+  int failures; /* solves and searches with the full matrix that failed */
+  double moved; /* ||lambda d|| of the last iteration */
   double correction, previous; /* ||d|| of this iteration and of the last; 0: none, or shortened */
 } newton;
 
@@ -128,9 +128,10 @@ static msim_status solve_exact_full(newton *n, ms_linear_system_spec *spec, msim
   return status;
 }
 
-/* After three failures in this stage, no. */
+/* Of the full matrix in a stage; then the symmetric one is used. */
+enum { MOST_FAILURES = 3 };
+
 static int may_solve_exactly(const newton *n) {
-  enum { MOST_FAILURES = 3 };
   return n->dampers == DOMINANT && n->failures < MOST_FAILURES &&
          ms_solver_supports_damping_derivative(n->s->solver) &&
          n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
@@ -145,7 +146,8 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_stepper_add_constraints(n->s, &spec);
   ms_stepper_linearize(n->s, n->stage->x, n->stage->v);
   const int descends = ms_solver_can_descend(solver);
-  const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (n->dampers || !descends));
+  const int helps = n->dampers && n->failures < MOST_FAILURES;
+  const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (helps || !descends));
   n->search = LIMIT_ROTATION;
   if (may_solve_exactly(n) && !solve_exact_full(n, &spec, err)) return MSIM_OK;
   spec.clamp = clamp, spec.use_elimination = 0, spec.rtol = n->eta;
@@ -267,6 +269,7 @@ static double residual_level(const newton *n) {
  * full: lambda = 1. Returns lambda. */
 static double search_residual(newton *n, int full) {
   enum { MOST = 10 };
+  const double SLOW = 0.9;
   const double first = residual_level(n), start = first * first;
   double lambda = 1;
   ms_vector_copy(n->shape, n->stage->v, n->from);
@@ -274,8 +277,8 @@ static double search_residual(newton *n, int full) {
     ms_vector_add_scaled(n->shape, n->from, lambda, n->d, n->stage->v);
     evaluate_residual(n);
     const double level = residual_level(n), end = level * level;
-    n->residual_grew = !(end <= (1 - 1e-4 * lambda) * start);
-    if (!n->residual_grew || i == MOST || full) return lambda;
+    n->is_stuck = !(end <= SLOW * SLOW * start);
+    if (end <= (1 - 1e-4 * lambda) * start || i == MOST || full) return lambda;
     const double least = lambda * start / (end - start + 2 * lambda * start);
     lambda *= least > 0.1 ? fmin(least, 0.5) : 0.1;
   }
@@ -321,10 +324,9 @@ static double limit_rotation(newton *n, int full) {
 /* The symmetric matrix makes faster and more robust iterations, unless one with lambda = 1 leaves
  * more than MUCH of the residual. The full one then stays in use while the residual falls. */
 static search find_next_search(newton *n, double before, double lambda) {
-  enum { MOST_FAILURES = 3 };
   const double MUCH = 0.3;
-  n->failures += n->residual_grew;
-  if (n->search != REDUCE_POTENTIAL) return n->residual_grew ? REDUCE_POTENTIAL : REDUCE_RESIDUAL;
+  n->failures += n->is_stuck;
+  if (n->search != REDUCE_POTENTIAL) return n->is_stuck ? REDUCE_POTENTIAL : REDUCE_RESIDUAL;
   const int is_slow = n->dampers && n->failures < MOST_FAILURES && !n->is_truncated &&
                       lambda == 1 && n->residual > MUCH * before;
   return is_slow ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
@@ -379,10 +381,10 @@ static int is_converged(const newton *n) {
  * gradients, and correct in the plane of a cloth what an exact one has moved out of it. */
 static int must_clamp(newton *n, double first) {
   enum { FEW = 8 };
-  const int descends = ms_solver_can_descend(n->s->solver), is_lost = n->residual_grew;
+  const int descends = ms_solver_can_descend(n->s->solver), is_lost = n->is_stuck;
   const int will_do =
       descends && n->residual > 1e-3 * first && converges_within(n, contraction(n), FEW);
-  n->residual_grew = 0;
+  n->is_stuck = 0;
   return n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP ||
          n->residual > (descends ? 1e-2 : 0.1) * first || will_do || is_lost;
 }
@@ -434,7 +436,7 @@ static int has_strong_dampers(const newton *n, double share) {
 }
 
 /* Starts from the guess in v, or, as strong dampers stop motion within a step, from the v that does
- * not change x, (x - x0)/ah, if the residual is far smaller there. */
+ * not change x, (x - x0)/ah, but for particles in contact, if the residual is far smaller there. */
 static void choose_initial_guess(newton *n) {
   const double FAR = 0.1;
   const ms_newton_stage *g = n->stage;
@@ -445,6 +447,7 @@ static void choose_initial_guess(newton *n) {
   ms_vector_copy(n->shape, g->v, n->from);
   ms_vector_add_scaled(n->shape, n->s->x, -1, g->x0, g->v);
   ms_vector_scale(n->shape, 1 / g->ah, g->v);
+  ms_stepper_copy_contacts(n->s, n->from, g->v);
   evaluate_residual(n);
   if (n->residual < FAR * usual) {
     n->search = REDUCE_RESIDUAL;

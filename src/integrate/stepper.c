@@ -19,6 +19,15 @@ int ms_stepper_has_contacts(const ms_stepper *s) {
   return s->events && (s->events->ncontacts || s->events->others_have_contacts);
 }
 
+void ms_stepper_copy_contacts(const ms_stepper *s, const double *v, double *v_to) {
+  for (int32_t i = 0; s->events && i < s->events->ncontacts; i++) {
+    const int32_t row = s->events->contact[i].row;
+    double of[3];
+    ms_unknowns_get(&s->model->unknowns, v, row, of);
+    ms_unknowns_set(&s->model->unknowns, of, row, v_to);
+  }
+}
+
 int ms_stepper_is_rejected(ms_stepper *s) {
   ms_contact_set *e = s->events;
   if (!e || !e->may_reject) return 0;
