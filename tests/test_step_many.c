@@ -111,7 +111,7 @@ static void bad_arguments_step_none(void **state) {
   for (int i = 0; i < NSIMS; i++) assert_int_equal(state_of(sims[i]).step, 0);
   assert_ok(msim_sim_step_many(NULL, 0, 3, 2, NULL, err));
   assert_ok(msim_sim_step_many(sims, NSIMS, 0, 2, NULL, err));
-  assert_ok(msim_sim_step_many(sims, NSIMS, 1, 2, NULL, NULL)); /* refusals leave no marks */
+  assert_ok(msim_sim_step_many(sims, NSIMS, 1, 2, NULL, NULL)); /* refusals leave no flags */
   for (int i = 0; i < NSIMS; i++) assert_int_equal(state_of(sims[i]).step, 1);
   destroy(sims);
 }

@@ -149,8 +149,10 @@ void ms_stepper_reflect_remaining(ms_stepper *s, struct ms_contact_log *log);
 
 /* 1: particles of any rank are in contact with planes (contact_set.h); forces then depend on v. */
 int ms_stepper_has_contacts(const ms_stepper *s);
-/* 1: the step, whose x_next is roughly known, is to be made anew with other contacts, and need not
- * be solved further. Asked once in a step; collective */
+/* 1: contacts may still reject the step, in which they are asked once. */
+int ms_stepper_may_be_rejected(const ms_stepper *s);
+/* 1: they do: the step, whose x_next is roughly known, is to be made anew with other contacts, and
+ * need not be solved further. Only if it may be rejected; collective */
 int ms_stepper_is_rejected(ms_stepper *s);
 /* Copies the velocities of these particles from v to v_to: they have those that the contacts
  * prescribe, which solves keep. */

@@ -128,7 +128,7 @@ static msim_status solve_exact_full(newton *n, ms_linear_system_spec *spec, msim
   return status;
 }
 
-/* Of the full matrix in a stage; then the symmetric one is used. */
+/* After so many failures with the full matrix in a stage, it is no longer tried. */
 enum { MOST_FAILURES = 3 };
 
 static int may_solve_exactly(const newton *n) {
@@ -489,7 +489,8 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_er
     if (lambda < 1 || n.is_truncated) n.correction = 0;
     if (is_little) n.radius = INFINITY; /* slopes within rounding have made it small */
     if (last || is_converged(&n)) return MSIM_OK;
-    if (is_nearly_converged(&n) && ms_stepper_is_rejected(s)) return MSIM_OK;
+    if (ms_stepper_may_be_rejected(s) && is_nearly_converged(&n) && ms_stepper_is_rejected(s))
+      return MSIM_OK;
   }
   return end_incomplete(&n, err);
 }

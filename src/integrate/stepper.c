@@ -28,11 +28,11 @@ void ms_stepper_copy_contacts(const ms_stepper *s, const double *v, double *v_to
   }
 }
 
+int ms_stepper_may_be_rejected(const ms_stepper *s) { return s->events && s->events->may_reject; }
+
 int ms_stepper_is_rejected(ms_stepper *s) {
-  ms_contact_set *e = s->events;
-  if (!e || !e->may_reject) return 0;
-  e->may_reject = 0;
-  return e->rejected = ms_contact_joining_any_is_new(s);
+  s->events->may_reject = 0;
+  return s->events->rejected = ms_contact_joining_any_is_new(s);
 }
 
 /* Without springs the matrix is a scalar for each particle, and takes no constraints. */
