@@ -63,6 +63,27 @@ static inline void expect_same_end(msim_sim *whole, msim_sim *sim, int64_t left,
   expect_same_save(whole, sim, label);
 }
 
+/* A change of the running sim is part of later checkpoints, not of earlier ones: the sim goes on as
+ * one resumed after the change, and that one, returned to before it, as one without the change. */
+static inline void expect_change_is_saved(const msim_scene *scene, const msim_options *opt,
+                                          void (*change)(msim_sim *, int), int which,
+                                          const char *label) {
+  msim_sim *sim = make_sim(scene, opt);
+  assert_ok(msim_sim_step(sim, 5, err));
+  const checkpoint before = save(sim);
+  change(sim, which);
+  assert_ok(msim_sim_step(sim, 5, err));
+  const checkpoint after = save(sim);
+  msim_sim *other = resume(scene, opt, &after), *unchanged = resume(scene, opt, &before);
+  assert_ok(msim_sim_step(sim, 9, err));
+  expect_same_end(sim, other, 9, label);
+  assert_ok(msim_sim_load(other, before.bytes, before.length, err));
+  assert_ok(msim_sim_step(unchanged, 9, err));
+  expect_same_end(unchanged, other, 9, label);
+  free(before.bytes), free(after.bytes);
+  msim_sim_destroy(sim), msim_sim_destroy(other), msim_sim_destroy(unchanged);
+}
+
 /* Steps in one run, and again with a new sim loaded from a checkpoint after each of the n step
  * numbers at[], with that sim after it has returned to the checkpoint, and with a clone: states,
  * counts and next checkpoints agree. Returns the statistics of the whole run. */

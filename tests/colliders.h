@@ -44,6 +44,19 @@ static inline msim_scene *new_scene(void) {
   return scene;
 }
 
+/* Of 2 kg, 0.05 m above z = 0 */
+static inline msim_scene *falling_block(double k) {
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {3, 3, 3},
+                              .origin = {-0.1, -0.1, 0.05},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 2,
+                              .k = k};
+  msim_scene *scene = new_scene();
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  return scene;
+}
+
 static inline void add_cloth(msim_scene *scene, double z, double e) {
   const msim_cloth cloth = {.size = sizeof cloth,
                             .rows = 12,

@@ -77,10 +77,4 @@ static inline int takes_functions(const char *method) {
          strcmp(method, "verlet") != 0;
 }
 
-static inline double energy_less_work(msim_sim *sim) {
-  msim_energy e = {.size = sizeof e};
-  assert_int_equal(msim_sim_energy(sim, &e), MSIM_OK);
-  return e.total - e.work;
-}
-
 #endif

@@ -2,6 +2,7 @@
 #ifndef TEST_SCENES_H
 #define TEST_SCENES_H
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -162,6 +163,30 @@ static inline int takes_positions_only(const char *method) {
 /* 1 if the method takes no planes. */
 static inline int refuses_planes(const char *method) {
   return strcmp(method, "takahashi-imada") == 0;
+}
+
+/* The energy less the work done on the scene: constant without dissipation */
+static inline double energy_less_work(msim_sim *sim) {
+  msim_energy e = {.size = sizeof e};
+  assert_int_equal(msim_sim_energy(sim, &e), MSIM_OK);
+  return e.total - e.work;
+}
+
+/* An accurate run of 1 s keeps the energy less the work, which is not small. */
+static inline void expect_work_is_balanced(const msim_scene *scene) {
+  msim_options opt = options("dop853", 1e-3);
+  opt.tol = 1e-12, opt.steps = -1, opt.t_end = 1;
+  msim_sim *sim = make_sim(scene, &opt);
+  const double start = energy_less_work(sim);
+  double most = 0, largest = 0;
+  while (state_of(sim).t < 1) {
+    assert_ok(msim_sim_step(sim, 1, err));
+    most = fmax(most, fabs(energy_less_work(sim) - start));
+    largest = fmax(largest, fabs(state_of(sim).work));
+  }
+  print_message("  imbalance %.3g J of %.3g J\n", most, largest);
+  assert_true(largest > 0.1 && most <= 1e-10 * largest);
+  msim_sim_destroy(sim);
 }
 
 /* 1 if the solver is available. */

@@ -174,12 +174,6 @@ static void changes_survive_clones_and_loads(void **state) {
 
 /*------------------------------------- energy ---------------------------------------------------*/
 
-static double energy_less_work(msim_sim *sim) {
-  msim_energy e = {.size = sizeof e};
-  assert_int_equal(msim_sim_energy(sim, &e), MSIM_OK);
-  return e.total - e.work;
-}
-
 /* All springs have a smooth law; a pin moves, forces and pins change. */
 static void energy_is_balanced(void **state) {
   (void)state;

@@ -111,15 +111,8 @@ static void lasting_contacts_carry_the_weight(void **state) {
 
 /* A block that lands on a plane and in the corner of two, or on a ball */
 static double land_block(const char *method, int which, double k, double h) {
-  const msim_lattice block = {.size = sizeof block,
-                              .n = {3, 3, 3},
-                              .origin = {-0.1, -0.1, 0.05},
-                              .extent = {0.2, 0.2, 0.2},
-                              .mass = 2,
-                              .k = k};
-  msim_scene *scene = new_scene();
+  msim_scene *scene = falling_block(k);
   int64_t touched = 0;
-  assert_ok(msim_scene_add_lattice(scene, &block, err));
   plane(scene, 0.1, 0.05, 1, 0, which == 1 ? 0.5 : 0, 0.3);
   if (which > 0) plane(scene, -1, 0, 0.2, -0.101, 0.5, 0.3);
   if (which > 1) add(scene, sphere(0.05, 0, -0.1, 0.2, 0.5, 0.2), 0);

@@ -69,14 +69,7 @@ static void an_impact_in_closed_form(void **state) {
 
 /* A block that lands on a plane and in the corner of two, or on colliders */
 static msim_scene *landing_block(int which, double k) {
-  const msim_lattice block = {.size = sizeof block,
-                              .n = {3, 3, 3},
-                              .origin = {-0.1, -0.1, 0.05},
-                              .extent = {0.2, 0.2, 0.2},
-                              .mass = 2,
-                              .k = k};
-  msim_scene *scene = new_scene();
-  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  msim_scene *scene = falling_block(k);
   const double e = which % 2 ? 0.5 : 0, mu = which < 2 ? 0.3 : 0;
   plane(scene, 0.1, 0.05, 1, 0, e, mu);
   if (which > 0) plane(scene, -1, 0, 0.2, -0.101, e, mu);

@@ -136,12 +136,6 @@ static void edits_continue_as_new_sims(void **state) {
 
 /*------------------------------------- energy ---------------------------------------------------*/
 
-static double energy_less_work(msim_sim *sim) {
-  msim_energy e = {.size = sizeof e};
-  assert_int_equal(msim_sim_energy(sim, &e), MSIM_OK);
-  return e.total - e.work;
-}
-
 static void energy_is_balanced(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 50, 0);

@@ -135,12 +135,6 @@ static void pins_are_where_they_should_be(void **state) {
   msim_scene_destroy(scene);
 }
 
-static double energy_less_work(msim_sim *sim) {
-  msim_energy e = {.size = sizeof e};
-  assert_int_equal(msim_sim_energy(sim, &e), MSIM_OK);
-  return e.total - e.work;
-}
-
 /* A cloth, with one corner moved along a cubic and the other one along lines */
 static msim_scene *moved_cloth(double damping) {
   enum { SIDE = 5, TIMES = 4 };
@@ -165,19 +159,7 @@ static msim_scene *moved_cloth(double damping) {
 static void energy_is_balanced(void **state) {
   (void)state;
   msim_scene *scene = moved_cloth(0);
-  msim_options opt = options("dop853", 1e-3);
-  opt.tol = 1e-12, opt.steps = -1, opt.t_end = 1;
-  msim_sim *sim = make_sim(scene, &opt);
-  const double start = energy_less_work(sim);
-  double most = 0, largest = 0;
-  while (state_of(sim).t < 1) {
-    assert_ok(msim_sim_step(sim, 1, err));
-    most = fmax(most, fabs(energy_less_work(sim) - start));
-    largest = fmax(largest, fabs(state_of(sim).work));
-  }
-  print_message("  imbalance %.3g J of %.3g J\n", most, largest);
-  assert_true(largest > 0.1 && most <= 1e-10 * largest);
-  msim_sim_destroy(sim);
+  expect_work_is_balanced(scene);
   msim_scene_destroy(scene);
 }
 
