@@ -127,14 +127,14 @@ static void smaller_blocks(void **state) {
 static void the_contract_holds_without_memory(void **state) {
   (void)state;
   const msim_backend *watched = checking_backend(bare);
-  for (int meals = 0, status = MSIM_ERR_MEMORY; status; meals++) {
+  for (int allowed = 0, status = MSIM_ERR_MEMORY; status; allowed++) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
-    memory.remaining = meals;
+    memory.remaining = allowed;
     const run r = simulate(&alloc, watched, MSIM_INDEFINITE_CLAMP);
     status = r.status;
     if (status && status != MSIM_ERR_MEMORY)
-      fail_msg("after %d allocations: status %d, \"%s\"", meals, status, r.text);
+      fail_msg("after %d allocations: status %d, \"%s\"", allowed, status, r.text);
     assert_int_equal(memory.live, 0);
     assert_no_breach();
   }

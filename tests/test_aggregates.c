@@ -362,8 +362,8 @@ static void any_stiffness(void **state) {
 
 static void memory_that_ends_is_reported(void **state) {
   (void)state;
-  int meals = 0;
-  for (msim_status status = MSIM_ERR_MEMORY; status; meals++) {
+  int allowed = 0;
+  for (msim_status status = MSIM_ERR_MEMORY; status; allowed++) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = bodies(20, 5);
@@ -374,7 +374,7 @@ static void memory_that_ends_is_reported(void **state) {
     starved.alloc = alloc;
     const ms_scene *data = model.scene;
     model.scene = &starved;
-    memory.remaining = meals;
+    memory.remaining = allowed;
     status = ms_aggregates_create(&model, 16, &a, NULL);
     if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
     ms_aggregates_destroy(&model, &a);
@@ -383,7 +383,7 @@ static void memory_that_ends_is_reported(void **state) {
     ms_model_destroy(&model);
     msim_scene_destroy(scene);
   }
-  assert_true(meals > 10);
+  assert_true(allowed > 10);
 }
 
 int main(void) {

@@ -73,7 +73,7 @@ class Curves(PlotTest):
         self.assertEqual(self.curves(groups), {"curve-0-0": 1})
 
     def test_panels(self):
-        rows = [{"measure": "rung", "scene": scene, "method": method, "error": 10.0 ** -i,
+        rows = [{"measure": "point", "scene": scene, "method": method, "error": 10.0 ** -i,
                  "ms": 2.0 ** i, "near_best": method != "slow"}
                 for scene in ("chain", "cord") for method in ("rk4", "respa", "slow")
                 for i in range(4) if (scene, method) != ("chain", "respa")]

@@ -145,15 +145,15 @@ class Quick(QuickTest):
         if truth["status"] != "ok":
             self.assertGreater(len(truth["reason"]), 10)
             return
-        for rung in self.find(rows, measure="rung"):
-            self.assertIn(rung["status"], ("ok", "refused", "failed"))
-            if rung["status"] == "ok":
-                self.assertGreaterEqual(rung["error"], 10 * truth["error"])
-                self.assertGreater(rung["evaluations"], 0)
+        for point in self.find(rows, measure="point"):
+            self.assertIn(point["status"], ("ok", "refused", "failed"))
+            if point["status"] == "ok":
+                self.assertGreaterEqual(point["error"], 10 * truth["error"])
+                self.assertGreater(point["evaluations"], 0)
                 continue
-            self.assertGreater(len(rung["reason"]), 5)
-            if rung["status"] == "refused":
-                self.assertLess(rung["error"], 10 * truth["error"])
+            self.assertGreater(len(point["reason"]), 5)
+            if point["status"] == "refused":
+                self.assertLess(point["error"], 10 * truth["error"])
         for level in self.find(rows, measure="level"):
             self.assertGreaterEqual(level["error"], 10 * truth["error"] * max(1, truth["growth"]))
             self.assertGreater(level["ms"], 0)
@@ -164,9 +164,9 @@ class Quick(QuickTest):
         if truth["status"] != "ok":
             return
         if truth["scene"] not in ("jelly", "slide"):
-            last = self.find(rows, measure="rung", method="auto, tol")[-1]
+            last = self.find(rows, measure="point", method="auto, tol")[-1]
             self.assertLess(last["tol"], 2e-6)
-        for run in self.find(rows, measure="rung", of="msim", status="ok"):
+        for run in self.find(rows, measure="point", of="msim", status="ok"):
             if run.get("tol", 0) < 0.9e-8 or truth["growth"] > 100:
                 continue
             self.assertLess(run["error"] * truth["motion"], 10 * run["tol"] * truth["extent"])
@@ -247,7 +247,7 @@ class Quick(QuickTest):
         kernel, = self.find(rows, measure="kernel")
         self.assertEqual("split_difference" in kernel, bool(expected))
         self.assertLess(kernel.get("split_difference", 0), 1e-12)
-        runs = [row for row in self.find(rows, measure="rung", of="sundials")
+        runs = [row for row in self.find(rows, measure="point", of="sundials")
                 if row["method"].startswith(("ARKODE IMEX", "ARKODE MRI"))]
         self.assertEqual({row["method"][:11].strip() for row in runs}, expected)
         for name in expected:
@@ -259,9 +259,9 @@ class Quick(QuickTest):
     def check_order(self, rows, method, order):
         """In a sweep over h that is neither too coarse nor at rounding level, half the step has
         2^-order of the error."""
-        rungs = [row for row in self.find(rows, measure="rung", scene="chain", method=method)
+        points = [row for row in self.find(rows, measure="point", scene="chain", method=method)
                  if row["status"] == "ok" and 1e-9 < row["error"] < 1e-5]
-        ratios = [a["error"] / b["error"] for a, b in zip(rungs, rungs[1:])]
+        ratios = [a["error"] / b["error"] for a, b in zip(points, points[1:])]
         if not ratios:
             self.skipTest("the machine is too busy for a sweep over h")
         for ratio in ratios:
@@ -316,7 +316,7 @@ class Duels(BenchTest):
     def test_who_ran(self):
         self.good("linear", "--quick", "--scene", "jelly16,cloth64", "--json", "out.json")
         result = self.result()
-        rows = {row["name"]: row for row in result["rows"] if row["measure"] == "duel"}
+        rows = {row["name"]: row for row in result["rows"] if row["measure"] == "pair"}
         self.assertEqual(set(rows), self.KEYS)
         for key, row in rows.items():
             with self.subTest(key):

@@ -283,8 +283,8 @@ static void a_load_without_memory_changes_nothing(void **state) {
     assert_ok(msim_sim_step(twin, 4, err));
     const int live = memory.live;
     msim_status status = MSIM_ERR_MEMORY;
-    for (int meals = 0; status; meals++) {
-      memory.remaining = meals;
+    for (int allowed = 0; status; allowed++) {
+      memory.remaining = allowed;
       status = msim_sim_load(sim, c.bytes, c.length, NULL);
       memory.remaining = -1;
       if (!status) break;

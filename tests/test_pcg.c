@@ -360,8 +360,8 @@ static void instruction_sets_agree(void **state) {
 
 static void memory_that_ends_is_reported(void **state) {
   (void)state;
-  int meals = 0;
-  for (msim_status status = MSIM_ERR_MEMORY; status; meals++) {
+  int allowed = 0;
+  for (msim_status status = MSIM_ERR_MEMORY; status; allowed++) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
     const msim_lattice block = {
@@ -371,7 +371,7 @@ static void memory_that_ends_is_reported(void **state) {
     msim_sim *sim = NULL;
     assert_ok(msim_scene_create(&alloc, &scene, err));
     assert_ok(msim_scene_add_lattice(scene, &block, err));
-    memory.remaining = meals;
+    memory.remaining = allowed;
     status = msim_sim_create(scene, &opt, &sim, NULL);
     if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
     else assert_true(pcg_of(sim)->base.aggregates > 0);
@@ -379,7 +379,7 @@ static void memory_that_ends_is_reported(void **state) {
     msim_scene_destroy(scene);
     assert_int_equal(memory.live, 0);
   }
-  assert_true(meals > 60);
+  assert_true(allowed > 60);
 }
 
 int main(void) {

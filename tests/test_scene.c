@@ -299,14 +299,14 @@ static void shared_data_never_changes(void **state) {
 static void starve(int change, int shared) {
   char *wanted = text_after(change);
   msim_status status = MSIM_ERR_MEMORY;
-  for (int meals = 0; status; meals++) {
+  for (int allowed = 0; status; allowed++) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = sample(&alloc);
     ms_scene *other = shared ? ms_scene_retain(scene->data) : NULL;
     char *before = text_of(scene->data);
     msim_error err = {0, ""};
-    memory.remaining = meals;
+    memory.remaining = allowed;
     status = changes[change](scene, &err);
     memory.remaining = -1;
     char *after = text_of(scene->data);
@@ -333,9 +333,9 @@ static void no_scene_without_memory(void **state) {
   (void)state;
   limited_allocator memory;
   const msim_allocator alloc = make_limited_allocator(&memory);
-  for (int meals = 0; meals < 3; meals++) {
+  for (int allowed = 0; allowed < 3; allowed++) {
     msim_scene *scene = (msim_scene *)&memory;
-    memory.remaining = meals;
+    memory.remaining = allowed;
     assert_int_equal(msim_scene_create(&alloc, &scene, NULL), MSIM_ERR_MEMORY);
     assert_null(scene);
     assert_int_equal(memory.live, 0);

@@ -366,12 +366,12 @@ static void want_of_memory_leaves_nothing(void **state) {
   (void)state;
   write_with(mangle_other_types);
   msim_status status = MSIM_ERR_MEMORY;
-  for (int meals = 0; status; meals++) {
+  for (int allowed = 0; status; allowed++) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = NULL;
     msim_error err;
-    memory.remaining = meals;
+    memory.remaining = allowed;
     status = msim_scene_load(&alloc, "a.h5", &scene, &err);
     if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
     if (!status) {

@@ -391,12 +391,12 @@ static void a_write_cut_short_leaves_the_old_file(void **state) {
 static void want_of_memory_leaves_nothing(void **state) {
   (void)state;
   msim_status status = MSIM_ERR_MEMORY;
-  for (int meals = 0; status; meals++) {
+  for (int allowed = 0; status; allowed++) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = (msim_scene *)&memory;
     msim_error err;
-    memory.remaining = meals;
+    memory.remaining = allowed;
     status = msim_scene_parse(&alloc, "test", full, sizeof full - 1, &scene, &err);
     if (status) {
       assert_int_equal(status, MSIM_ERR_MEMORY);

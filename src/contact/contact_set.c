@@ -238,9 +238,9 @@ double ms_contact_set_reaction(const ms_contact *c, const double a[3]) {
 static void find_slide(ms_contact *c, const double v[3], const double a[3]) {
   double along[3] = {a[0], a[1], a[2]};
   const double pull = ms_impacts_remove_normal(&c->on, along, NULL), size = ms_vec3_norm(a);
-  const double grip = pull > 0 ? pull - MS_REACTION_TOLERANCE * size : 16 * DBL_EPSILON * size;
+  const double most = pull > 0 ? pull - MS_REACTION_TOLERANCE * size : 16 * DBL_EPSILON * size;
   const int still = ms_vec3_norm(v) == 0;
-  c->sticks = c->fixed || (still && ms_vec3_norm(along) <= grip);
+  c->sticks = c->fixed || (still && ms_vec3_norm(along) <= most);
   if (!c->sticks) memcpy(c->sliding_direction, still ? along : v, sizeof c->sliding_direction);
   scale_to_one(c->sliding_direction);
   const double friction = c->sticks ? 0 : pull;

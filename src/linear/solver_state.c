@@ -149,10 +149,10 @@ static int factors_are_listed(const ms_solver *s, const factor_list *before, int
 /* Transfer a point; *same becomes 0 if another one is read than the solver had. */
 static void archive_factor(ms_archive *b, const ms_solver *s, ms_linearization_point *origin,
                            int *same) {
-  ms_archive probe = *b;
-  probe.direction = MS_ARCHIVE_COMPARE;
-  if (*same) archive_linearization_point(&probe, s, origin);
-  *same &= !probe.differs;
+  ms_archive comparison = *b;
+  comparison.direction = MS_ARCHIVE_COMPARE;
+  if (*same) archive_linearization_point(&comparison, s, origin);
+  *same &= !comparison.differs;
   archive_linearization_point(b, s, origin);
 }
 

@@ -22,9 +22,9 @@ msim_allocator fuzz_allocator(fuzz_budget *budget, size_t bytes) {
   return (msim_allocator){sizeof(msim_allocator), spend, give_back, budget};
 }
 
-void fuzz_check(int kept, const char *promise) {
+void fuzz_check(int kept, const char *property) {
   if (kept) return;
-  fprintf(stderr, "broken: %s\n", promise);
+  fprintf(stderr, "broken: %s\n", property);
   abort();
 }
 

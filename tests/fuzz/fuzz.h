@@ -17,7 +17,7 @@ typedef struct fuzz_budget {
 msim_allocator fuzz_allocator(fuzz_budget *budget, size_t bytes);
 
 /* End the process, as a crash would, unless `kept`. */
-void fuzz_check(int kept, const char *promise);
+void fuzz_check(int kept, const char *property);
 
 /* Every failed call leaves a message, every other one none. */
 void fuzz_check_error(msim_status status, const msim_error *err);

@@ -70,7 +70,7 @@ static void measure_pair(linear_bench *b, solver_comparison *r, const struct tim
   const char *reason = isfinite(ratio) ? NULL : reason_of_failure(pair);
   const int repeats = pair[0].nsamples > 1 ? pair[0].nsamples - 1 : pair[0].nsamples;
   json_t *row = add_step_row(
-      b->report, "duel", r->moving, r->system.h,
+      b->report, "pair", r->moving, r->system.h,
       FIELDS(TEXT("name", key), INTEGER("repeats", repeats), INTEGER("series", r->series),
              REAL("ratio", ratio), TEXT("reason", reason)));
   put_pair_side(row, "over", &pair[0], p->of_over);
@@ -93,7 +93,7 @@ static void measure_pairs(void *bench, moving_scene *m, double h) {
   msim_error err;
   solver_comparison *r = solver_comparison_create(m, h, 1e-6, 1, &err);
   if (!r) {
-    report_left_out(b->report, "duel", m, h, "all", err.text);
+    report_left_out(b->report, "pair", m, h, "all", err.text);
     return;
   }
   r->series = m->kind->solid ? JELLY_SERIES : CLOTH_SERIES;
@@ -107,5 +107,5 @@ static void measure_pairs(void *bench, moving_scene *m, double h) {
 
 void measure_paired_keys(linear_bench *b) {
   measure_cases(b->run, (int)(sizeof cases / sizeof *cases), cases, b->run->options->threads,
-                "duel", measure_pairs, b);
+                "pair", measure_pairs, b);
 }

@@ -74,7 +74,7 @@ static void report_point(report *out, const setting_sweep *c, int i) {
       [POINT_MEASURED] = "ok", [POINT_UNRESOLVED] = "refused", [POINT_FAILED] = "failed"};
   const sweep_point *r = &c->points[i];
   json_t *row = report_add_row(
-      out, "rung",
+      out, "point",
       FIELDS(TEXT("scene", c->context.kind->name), TEXT("method", r->method->name),
              TEXT("of", library_of(r->method)), REAL(r->method->by_tol ? "tol" : "h", r->setting)));
   const char *unresolved = "the error is too close to that of the reference solution";

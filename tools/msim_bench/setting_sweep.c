@@ -28,7 +28,7 @@ static timing_candidate *add_point(setting_sweep *c, const precision_method *m, 
                      .setting = setting,
                      .until = until,
                      .result = &c->result};
-  candidate_init(run, m->name, "rung", run_point, r);
+  candidate_init(run, m->name, "point", run_point, r);
   return run;
 }
 
