@@ -5,55 +5,14 @@
 #include <string.h>
 
 #include "base/sized.h"
-#include "scene/angles.h"
-#include "scene/collider_storage.h"
 #include "scene/laws.h"
+#include "scene/scene_data.h"
 
 /* Planes are elements of the array of msim_scene_view: with another size programs that were built
  * before would read wrong ones. */
 static_assert(sizeof(msim_plane) == 48, "msim_plane is fixed (scene.h)");
 
 /*------------------------------------- life -----------------------------------------------------*/
-
-static void free_run(ms_scene *s) {
-  for (int32_t i = 0; i < s->nrun; i++) {
-    MS_FREE(&s->alloc, s->run[i].name, s->run[i].value);
-  }
-  ms_memory_free(&s->alloc, s->run);
-}
-
-static void free_scene_data(ms_scene *s) {
-  MS_FREE(&s->alloc, s->name, s->source, s->x, s->v, s->mass, s->pinned, s->force, s->ij, s->k,
-          s->rest, s->damping, s->faces, s->planes, (void *)(uintptr_t)s->force_function.name);
-  for (int32_t m = 0; m < s->nmotions; m++) ms_motion_free(&s->alloc, &s->motions[m]);
-  ms_memory_free(&s->alloc, s->motions);
-  ms_collider_storage_free(s);
-  free_run(s);
-  ms_laws_free(s);
-  ms_scene_angles_free(s);
-  msim_allocator alloc = s->alloc;
-  ms_memory_free(&alloc, s);
-}
-
-ms_scene *ms_scene_retain(ms_scene *scene) {
-  atomic_fetch_add(&scene->references, 1);
-  return scene;
-}
-
-void ms_scene_release(ms_scene *scene) {
-  if (scene && atomic_fetch_sub(&scene->references, 1) == 1) free_scene_data(scene);
-}
-
-static ms_scene *new_scene_data(const msim_allocator *alloc) {
-  ms_scene *s = ms_memory_allocate(alloc, 1, sizeof *s);
-  if (!s) return NULL;
-  s->alloc = *alloc;
-  atomic_init(&s->references, 1);
-  s->name = ms_memory_copy_string(alloc, "");
-  if (s->name) return s;
-  free_scene_data(s);
-  return NULL;
-}
 
 msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene, msim_error *err) {
   if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");
@@ -62,7 +21,7 @@ msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene, m
   if (status) return status;
   msim_allocator a = ms_memory_allocator(alloc);
   msim_scene *handle = ms_memory_allocate(&a, 1, sizeof *handle);
-  ms_scene *data = handle ? new_scene_data(&a) : NULL;
+  ms_scene *data = handle ? ms_scene_data_create(&a) : NULL;
   if (!data) {
     ms_memory_free(&a, handle);
     return ms_error_set_memory(err, "a scene");
@@ -81,15 +40,28 @@ void msim_scene_destroy(msim_scene *scene) {
 
 /*------------------------------------- copy on write --------------------------------------------*/
 
+ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err) {
+  if (atomic_load(&scene->data->references) > 1) {
+    ms_scene *own = ms_scene_data_copy(scene->data, err);
+    if (!own) return NULL;
+    ms_scene_release(scene->data);
+    scene->data = own;
+  }
+  ms_memory_free(&scene->data->alloc, scene->data->source);
+  scene->data->source = NULL;
+  return scene->data;
+}
+
+/*------------------------------------- arrays ---------------------------------------------------*/
+
 static void append_particles(ms_scene *s, int32_t n, const double *x, const double *v,
-                             const double *mass, const uint8_t *pinned) {
+                             const double *mass) {
   size_t at = (size_t)s->nparticles, count = (size_t)n;
   memcpy(s->x + 3 * at, x, 3 * count * sizeof *x);
   if (v) memcpy(s->v + 3 * at, v, 3 * count * sizeof *v);
   else memset(s->v + 3 * at, 0, 3 * count * sizeof *s->v);
   memcpy(s->mass + at, mass, count * sizeof *mass);
-  if (pinned) memcpy(s->pinned + at, pinned, count);
-  else memset(s->pinned + at, 0, count);
+  memset(s->pinned + at, 0, count);
   if (s->force) memset(s->force + 3 * at, 0, 3 * count * sizeof *s->force);
   s->nparticles += n;
 }
@@ -119,78 +91,6 @@ static void append_springs(ms_scene *s, int32_t n, const int32_t *ij, const doub
   if (damping) memcpy(s->damping + at, damping, count * sizeof *damping);
   else memset(s->damping + at, 0, count * sizeof *s->damping);
   count_springs(s, n, rest != NULL);
-}
-
-static int copy_motions(const ms_scene *s, ms_scene *c, msim_error *err) {
-  if (ms_memory_reserve(&c->alloc, MS_ARRAY(c->motions), 0, &c->motion_capacity, s->nmotions, err))
-    return 0;
-  for (; c->nmotions < s->nmotions; c->nmotions++)
-    if (ms_motion_copy(&c->alloc, &s->motions[c->nmotions], &c->motions[c->nmotions], err))
-      return 0;
-  return 1;
-}
-
-static ms_scene *clone_scene(const ms_scene *s, msim_error *err) {
-  ms_scene *c = new_scene_data(&s->alloc);
-  if (!c) {
-    ms_error_set_memory(err, "a copy of the scene");
-    return NULL;
-  }
-  ms_memory_free(&c->alloc, c->name);
-  c->name = ms_memory_copy_string(&c->alloc, s->name);
-  const ms_array faces = {&c->faces, 3 * sizeof *c->faces};
-  int ok =
-      c->name && (!s->force || MS_NEW(&c->alloc, c->force, 0)) && copy_motions(s, c, err) &&
-      ms_scene_reserve_particles(c, s->nparticles, err) &&
-      ms_scene_reserve_springs(c, s->nsprings, err) &&
-      ms_memory_reserve(&c->alloc, faces, 0, &c->face_capacity, s->nfaces, err) == MSIM_OK &&
-      ms_memory_reserve(&c->alloc, MS_ARRAY(c->planes), 0, &c->plane_capacity, s->nplanes, err) ==
-          MSIM_OK &&
-      ms_scene_reserve_colliders(c, s->ncolliders, err) &&
-      ms_collider_storage_copy(s, c, err) == MSIM_OK &&
-      ms_memory_reserve(&c->alloc, MS_ARRAY(c->run), 0, &c->run_capacity, s->nrun, err) == MSIM_OK;
-  if (!ok) {
-    ms_scene_release(c);
-    ms_error_set_memory(err, "a copy of the scene");
-    return NULL;
-  }
-  if (s->nparticles) append_particles(c, s->nparticles, s->x, s->v, s->mass, s->pinned);
-  if (s->force) memcpy(c->force, s->force, 3 * (size_t)s->nparticles * sizeof *s->force);
-  if (s->nsprings) append_springs(c, s->nsprings, s->ij, s->k, s->rest, s->damping);
-  if (s->nfaces) memcpy(c->faces, s->faces, 3 * (size_t)s->nfaces * sizeof *s->faces);
-  c->nfaces = s->nfaces;
-  c->external = s->external, c->self_contact = s->self_contact;
-  if (s->nplanes) memcpy(c->planes, s->planes, (size_t)s->nplanes * sizeof *s->planes);
-  c->nplanes = s->nplanes;
-  c->repairs = s->repairs;
-  if (!ms_laws_copy(s, c) || !ms_scene_angles_copy(s, c) || !ms_scene_copy_function(s, c)) {
-    ms_scene_release(c);
-    ms_error_set_memory(err, "a copy of the scene");
-    return NULL;
-  }
-  for (; c->nrun < s->nrun; c->nrun++) {
-    ms_run_option *to = &c->run[c->nrun];
-    to->name = ms_memory_copy_string(&c->alloc, s->run[c->nrun].name);
-    to->value = ms_memory_copy_string(&c->alloc, s->run[c->nrun].value);
-    if (to->name && to->value) continue;
-    c->nrun++;
-    ms_scene_release(c);
-    ms_error_set_memory(err, "a copy of the scene");
-    return NULL;
-  }
-  return c;
-}
-
-ms_scene *ms_scene_make_writable(msim_scene *scene, msim_error *err) {
-  if (atomic_load(&scene->data->references) > 1) {
-    ms_scene *own = clone_scene(scene->data, err);
-    if (!own) return NULL;
-    ms_scene_release(scene->data);
-    scene->data = own;
-  }
-  ms_memory_free(&scene->data->alloc, scene->data->source);
-  scene->data->source = NULL;
-  return scene->data;
 }
 
 /*------------------------------------- checks ---------------------------------------------------*/
@@ -326,7 +226,7 @@ msim_status msim_scene_add_particles(msim_scene *scene, int32_t n, const double 
   if (status || n == 0) return status ? status : ms_error_clear(err);
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s || !ms_scene_reserve_particles(s, (int64_t)s->nparticles + n, err)) return MSIM_ERR_MEMORY;
-  append_particles(s, n, x, v, mass, NULL);
+  append_particles(s, n, x, v, mass);
   return ms_error_clear(err);
 }
 
