@@ -268,7 +268,7 @@ static void one_rank_that_fails(void **state) {
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-enum { ROPE = 20000 };
+enum { ROPE = 20000, SCENE = 57 + 32 }; /* bytes of a particle and a spring in a scene */
 
 /* Particles and springs in the same order: a rank writes n / N of both, with one more particle. */
 static msim_scene *make_rope(const msim_allocator *alloc) {
@@ -302,17 +302,15 @@ static size_t measure_alone(void) {
   return created - loaded;
 }
 
-/* Ranks have no state of the whole scene before they are asked for it. A frame takes of each x, v,
- * what is sent and received, with the numbers of these: 48 + 2 x 12 bytes a row, and 8 bytes a
- * spring; while these are looked for 24 bytes more, and 5 a particle of the scene. Rank 0 also has
- * the text of the scene file, which it writes.
+/* Ranks have neither the whole scene nor its state before they are asked for that: each has two
+ * parts of the scene, one of its own particles and one for output, with the numbers of the former.
+ * They keep for each particle of the whole scene its owner, 8 bytes to gather a number and 4 for
+ * its place in the order, and their part of `alone`, what one process keeps; for a moment 4 bytes
+ * for its number in the part, as of each spring.
  *
- * Rank 0 lays out the whole scene. A particle takes 4 bytes for its owner, 8 to gather a number,
- * with 8 of each own one, 21 in the orders of the scene and of the island, with the first spring of
- * each row, and 4 for the place of its next half-edge; a spring takes 4 in the island, 12 in its
- * list, 8 sorted by rows and 16 as two half-edges. The others need what they keep: for each
- * particle its owner, 8 to gather a number and 4 for its place in the order, and their part of
- * `alone`, what one process keeps. */
+ * A frame takes of each x, v, what is sent and received, with the numbers of these: 48 + 2 x 12
+ * bytes a row, and 8 bytes a spring; while the file is opened the whole scene, of which rank 0 also
+ * has the text. */
 static const char *measure_rank(msim_comm *comm, void *data) {
   static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the arrays of make_rope */
   peak_allocator m = {0};
@@ -330,11 +328,11 @@ static const char *measure_rank(msim_comm *comm, void *data) {
   pthread_mutex_unlock(&lock);
   const size_t loaded = m.peak = m.live;
   EXPECT(scene && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
+  msim_scene_destroy(scene);
   const size_t created = m.live;
-  if (comm->nranks == 8) {
-    EXPECT(m.peak - loaded <= (77 * (size_t)ROPE + rows * 8) + 2 * rest);
-    EXPECT(comm->rank == 0 || m.peak - loaded <= 16 * (size_t)ROPE + *alone / 8 + 2 * rest);
-  }
+  const size_t share = 16 * (size_t)ROPE + *alone / (size_t)comm->nranks + 2 * (SCENE + 4) * rows;
+  EXPECT(created <= share + rest);
+  if (comm->nranks == 8) EXPECT(m.peak - loaded <= share + 8 * (size_t)ROPE + 2 * rest);
   m.peak = m.live;
   EXPECT(msim_recorder_open(sim, "rope.memory", &recorder, &why) == MSIM_OK);
   const size_t opened = m.live;
@@ -343,12 +341,11 @@ static const char *measure_rank(msim_comm *comm, void *data) {
     EXPECT(msim_sim_step(sim, 1, &why) == MSIM_OK);
   }
   EXPECT(m.live == opened && opened - created <= 80 * rows + rest);
-  EXPECT(comm->rank == 0 || m.peak - created <= 104 * rows + 5 * ROPE + rest);
+  EXPECT(comm->rank == 0 || m.peak - created <= 200 * rows + (SCENE + 8) * ROPE + rest);
   EXPECT(msim_sim_state(sim, &whole) == MSIM_OK);
-  EXPECT(m.live - opened >= 48 * (size_t)ROPE && m.live - opened <= 48 * (size_t)ROPE + rest);
+  EXPECT(m.live - opened <= (48 + SCENE) * (size_t)ROPE + rest);
   EXPECT(msim_recorder_close(recorder, &why) == MSIM_OK);
   msim_sim_destroy(sim);
-  msim_scene_destroy(scene);
   EXPECT(m.live == 0);
   return NULL;
 }

@@ -25,10 +25,9 @@ msim_status msim_sim_set_step(msim_sim *sim, double h, msim_error *err) {
   }
   const ms_config config = sim->config;
   const ms_run_state run = sim->run;
-  msim_status status = ms_step_limit_resolve_auto(sim, &h, err);
-  if (status) return status;
   msim_state now = {.size = sizeof now};
-  status = ms_sim_provide_arrays(sim, err);
+  msim_status status = ms_sim_provide_arrays(sim, err);
+  if (!status) status = ms_step_limit_resolve_auto(sim, &h, err);
   if (!status) status = ms_ranks_agree(sim->ranks, msim_sim_state(sim, &now), err);
   if (status) return status;
   now.v_half = NULL; /* v(t - h/2) with the old h */

@@ -60,11 +60,12 @@ static msim_status restart_with_scene(msim_sim *sim, ms_scene *scene, msim_state
 
 static msim_status change_forces(msim_sim *sim, set_in_scene *set, const double *values,
                                  msim_error *err) {
+  const msim_status gathered = ms_sim_provide_arrays(sim, err);
+  if (gathered) return gathered;
   msim_scene handle = {ms_scene_retain(sim->scene)}; /* shared: the setter makes a copy */
   ms_scene *before = sim->scene;
   msim_state now = {.size = sizeof now};
   msim_status status = ms_ranks_agree(sim->ranks, set(&handle, values, err), err);
-  if (!status) status = ms_sim_provide_arrays(sim, err);
   if (!status) status = ms_ranks_agree(sim->ranks, msim_sim_state(sim, &now), err);
   if (!status) {
     ms_sim_free_matrix(sim); /* its model refers to the old scene */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "api/change_scene.h"
+#include "sim/rank_scene.h"
 
 /*------------------------------------- arguments ------------------------------------------------*/
 
@@ -89,6 +90,8 @@ msim_status msim_sim_move_pinned(msim_sim *sim, int32_t n, const int32_t *partic
                                  const double *x, double duration, msim_error *err) {
   if (!sim || (n > 0 && (!particles || !x)))
     return ms_error_set(err, MSIM_ERR_ARG, "sim, particles or x is NULL");
+  const msim_status gathered = ms_rank_scene_gather(sim, err);
+  if (gathered) return gathered;
   const pin_change c = {.n = n,
                         .particles = particles,
                         .pinned = 1,
@@ -104,7 +107,9 @@ msim_status msim_sim_set_pinned(msim_sim *sim, int32_t n, const int32_t *particl
                                 msim_error *err) {
   if (!sim || (n > 0 && !particles))
     return ms_error_set(err, MSIM_ERR_ARG, "sim or particles is NULL");
-  msim_status status = check_pins(sim, n, particles, 0, err);
+  msim_status status = ms_rank_scene_gather(sim, err);
+  if (status) return status;
+  status = check_pins(sim, n, particles, 0, err);
   if ((pinned | 1) != 1)
     status = ms_error_set(err, MSIM_ERR_ARG, "pinned is %d; it must be 1, or 0 to let go", pinned);
   status = ms_ranks_agree(sim->ranks, status, err);

@@ -129,11 +129,12 @@ static msim_status change_copy(msim_sim *sim, ms_scene_change *change, const voi
 
 msim_status ms_change_scene(msim_sim *sim, ms_scene_change *change, const void *data, int moves,
                             msim_error *err) {
+  msim_status status = ms_sim_provide_arrays(sim, err);
+  if (status) return status;
   const size_t count = 3 * (size_t)sim->scene->nparticles;
   double *x = ms_memory_allocate(&sim->alloc, 2 * count, sizeof *x);
   msim_scene copy = {NULL};
-  msim_status status = ms_sim_provide_arrays(sim, err);
-  if (!status) status = change_copy(sim, change, data, &copy, x, err);
+  status = change_copy(sim, change, data, &copy, x, err);
   status = ms_ranks_agree(sim->ranks, status, err);
   if (!status) status = restart(sim, copy.data, moves, x, x + count, err);
   else if (copy.data) ms_scene_release(copy.data);

@@ -3,9 +3,10 @@
 #include <math.h>
 
 #include "base/sized.h"
+#include "checkpoint/fingerprint.h"
 #include "choose/method_choice.h"
 #include "sim/frames.h"
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 #include "sim/step_driver.h"
 
 /*------------------------------------- creation and state ---------------------------------------*/
@@ -13,7 +14,14 @@
 msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, msim_sim **sim,
                             msim_error *err) {
   if (!scene || !opt || !sim) return ms_error_set(err, MSIM_ERR_ARG, "scene, opt or sim is NULL");
-  return ms_sim_create(scene, opt, ms_method_choice_make, sim, err);
+  msim_status status = ms_sim_create(scene, opt, ms_method_choice_make, sim, err);
+  if (status || !(*sim)->ranks) return status;
+  ms_fingerprint_hash_scene(*sim);
+  status = ms_rank_scene_divide(*sim, err);
+  if (!status) return ms_error_clear(err);
+  msim_sim_destroy(*sim);
+  *sim = NULL;
+  return status;
 }
 
 /* Start a run by a method chosen for that state; on failure the old method stays. */
@@ -32,6 +40,8 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
       ms_sized_check(state, sizeof full, MS_SIZE_THROUGH(msim_state, v), "state", "state", err);
   if (status) return status;
   ms_sized_read(&full, sizeof full, state);
+  status = ms_rank_scene_gather(sim, err);
+  if (status) return status;
   status = ms_ranks_agree(sim->ranks, ms_sim_check_state(sim, &full, err), err);
   if (status) return status;
   return ms_sim_selects(sim) ? restart_with_choice(sim, &full, err) : ms_sim_start(sim, &full, err);

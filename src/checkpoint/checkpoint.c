@@ -24,6 +24,7 @@
 #include "checkpoint/rank_rows.h"
 #include "checkpoint/restore.h"
 #include "checkpoint/saved_scene.h"
+#include "sim/rank_scene.h"
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
@@ -250,8 +251,7 @@ static msim_status check_checkpoint(msim_sim *sim, const void *from, size_t leng
                       sim->ranks->n);
 }
 
-msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err) {
-  if (!sim || !from) return ms_error_set(err, MSIM_ERR_ARG, "sim or from is NULL");
+static msim_status load_run(msim_sim *sim, const void *from, size_t length, msim_error *err) {
   header h;
   ms_rank_rows rows;
   msim_status status = check_checkpoint(sim, from, length, &h, err);
@@ -262,7 +262,15 @@ msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_e
                   .position = sizeof h + (size_t)h.fingerprint,
                   .rows = ms_rank_rows_begin(&rows, sim->part, NULL)};
   status = ms_restore_run(sim, &b, err);
-  if (status) return status;
-  ms_step_limit_warn(sim);
-  return ms_error_clear(err);
+  if (!status) ms_step_limit_warn(sim);
+  return status;
+}
+
+msim_status msim_sim_load(msim_sim *sim, const void *from, size_t length, msim_error *err) {
+  if (!sim || !from) return ms_error_set(err, MSIM_ERR_ARG, "sim or from is NULL");
+  const int is_divided = sim->kept != NULL;
+  msim_status status = ms_rank_scene_gather(sim, err);
+  if (!status) status = load_run(sim, from, length, err);
+  if (is_divided) ms_rank_scene_divide(sim, NULL);
+  return status ? status : ms_error_clear(err);
 }

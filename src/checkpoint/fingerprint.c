@@ -6,7 +6,7 @@
 #include "base/isa.h"
 #include "methods/methods.h"
 #include "scene/laws.h"
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 
 /*------------------------------------- the scene ------------------------------------------------*/
 
@@ -173,8 +173,9 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
   const ms_scene *s = unedited_scene(sim);
   array arrays[MS_SCENE_HASHES];
   list_arrays(s, created_scene(sim), arrays);
-  list_count(mark, data, "the number of particles", s->nparticles);
-  list_count(mark, data, "the number of springs", s->nsprings);
+  list_count(mark, data, "the number of particles",
+             sim->kept ? sim->kept->nparticles : s->nparticles);
+  list_count(mark, data, "the number of springs", sim->kept ? sim->kept->nsprings : s->nsprings);
   list_count(mark, data, "the number of planes", s->nplanes);
   list_count(mark, data, "the number of colliders", s->ncolliders);
   for (int i = 0; i < MS_SCENE_HASHES; i++)

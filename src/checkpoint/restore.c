@@ -334,7 +334,8 @@ msim_status ms_restore_run(msim_sim *sim, ms_archive *b, msim_error *err) {
   msim_status status = ms_saved_scene_read_changes(b, sim, &scene, &changed, err);
   if (!status && scene) status = read_broken(b, scene, &broken, err);
   if (ms_archive_failed(b)) status = refuse_bytes(b, err);
-  if (!status) status = ms_sim_reserve_state(sim, scene->nparticles, err);
+  if (!status && (!sim->part || sim->state_x))
+    status = ms_sim_reserve_state(sim, scene->nparticles, err);
   if (!status) status = check_ranks(sim, &r, changed, err);
   status = ms_ranks_agree(sim->ranks, status, err);
   if (!status) status = restore_with_scene(sim, b, &r, scene, &broken, err);

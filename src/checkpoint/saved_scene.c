@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "scene/laws.h"
+#include "sim/rank_scene.h"
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
@@ -237,10 +238,14 @@ void ms_saved_scene_archive_broken(ms_archive *b, const ms_scene *s, uint8_t *br
 
 /*------------------------------------- changes --------------------------------------------------*/
 
+enum { PARTICLE = 9 * sizeof(double) + 1 }; /* its force and pin: bytes of forces and pins */
+
 void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim) {
   int32_t changed = sim->edited_from ? MS_SCENE_EDITED : sim->created_from ? MS_SCENE_CHANGED : 0;
   msim_scene handle = {sim->scene};
+  const int32_t elsewhere = ms_rank_scene_count_particles(sim) - sim->scene->nparticles;
   MS_ARCHIVE_TRANSFER(b, changed);
+  if (b->direction == MS_ARCHIVE_COUNT) b->position += (size_t)elsewhere * PARTICLE;
   if (changed == MS_SCENE_EDITED) archive_topology(b, handle.data, NULL);
   if (MS_ARCHIVE_OPTIONAL(b, changed)) archive_forces(b, handle.data, NULL);
   if (MS_ARCHIVE_OPTIONAL(b, changed)) archive_pins(b, &handle, NULL);

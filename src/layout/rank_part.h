@@ -2,8 +2,8 @@
  * angular springs at them, and the particles at the other ends
  *
  * Ghosts are unknowns of other ranks at the other end of such springs. Kernels treat them as pinned
- * particles, which they read and never write; halo.h refreshes them. Every rank has the whole
- * scene, and all particles keep their numbers in it. */
+ * particles, which they read and never write; halo.h refreshes them. While it is built every rank
+ * has the whole scene, and all particles have their numbers in it. */
 #ifndef MS_RANK_PART_H
 #define MS_RANK_PART_H
 

@@ -58,3 +58,13 @@ void ms_section_mark_others(const ms_scene *scene, const ms_section *s, int with
     mark_all(scene->angles.ijk + 3 * (size_t)s->first_angle, 3 * (int64_t)s->nangles, mark);
   for (int32_t p = s->first; p < s->first + s->n; p++) mark[p] = 0;
 }
+
+void ms_section_mark_other_springs(const ms_scene *scene, const ms_section *s, int with_pins,
+                                   uint8_t *mark, uint8_t *corner) {
+  if (s->nfaces) mark_all(scene->faces + 3 * (size_t)s->first_face, 3 * (int64_t)s->nfaces, corner);
+  for (int32_t e = 0; e < scene->nsprings; e++) {
+    const int32_t i = scene->ij[2 * (size_t)e], j = scene->ij[2 * (size_t)e + 1];
+    mark[e] = (corner[i] && corner[j]) || (with_pins && (scene->pinned[i] || scene->pinned[j]));
+  }
+  for (int32_t e = s->first_spring; e < s->first_spring + s->nsprings; e++) mark[e] = 0;
+}

@@ -13,8 +13,9 @@ typedef struct ms_section {
   int32_t first_spring, nsprings; /* springs, and then faces: the cells of frames */
   int32_t first_face, nfaces;
   int32_t first_angle, nangles;
-  int32_t nothers;
-  const int32_t *other; /* nothers: ascending */
+  int32_t nothers, nother_springs;
+  const int32_t *other;        /* nothers: ascending; NULL: those that follow the n in the scene */
+  const int32_t *other_spring; /* likewise, of faces and pins */
 } ms_section;
 
 /* A force function gets so many free particles at a time to add up their potentials. Sections begin
@@ -41,21 +42,45 @@ static inline int64_t ms_section_count_cells(const ms_section *s) {
 void ms_section_mark_others(const ms_scene *scene, const ms_section *section, int with_pins,
                             uint8_t *mark);
 
-/* The row in arrays of the section of a particle that they have */
-static inline size_t ms_section_row(const ms_section *s, int32_t particle) {
-  if (particle >= s->first && particle - s->first < s->n) return (size_t)(particle - s->first);
-  int32_t low = 0, high = s->nothers;
+/* Mark the other springs: those between corners of its faces, and with_pins those at pinned
+ * particles. mark: nsprings, corner: nparticles, both 0 at first */
+void ms_section_mark_other_springs(const ms_scene *scene, const ms_section *section, int with_pins,
+                                   uint8_t *mark, uint8_t *corner);
+
+/* The index of a number in an ascending list that has it */
+static inline int32_t ms_section_search(int32_t n, const int32_t *list, int32_t number) {
+  int32_t low = 0, high = n;
   while (high - low > 1) {
     const int32_t middle = low + (high - low) / 2;
-    if (s->other[middle] <= particle) low = middle;
+    if (list[middle] <= number) low = middle;
     else high = middle;
   }
-  return (size_t)s->n + (size_t)low;
+  return low;
+}
+
+/* The row in arrays of the section of a particle that they have */
+static inline size_t ms_section_row(const ms_section *s, int32_t particle) {
+  if (!s->other || (particle >= s->first && particle - s->first < s->n))
+    return (size_t)(particle - s->first);
+  return (size_t)s->n + (size_t)ms_section_search(s->nothers, s->other, particle);
+}
+
+/* The same of a spring */
+static inline int32_t ms_section_spring_row(const ms_section *s, int32_t spring) {
+  const int32_t at = spring - s->first_spring;
+  if (!s->other_spring || (at >= 0 && at < s->nsprings)) return at;
+  return s->nsprings + ms_section_search(s->nother_springs, s->other_spring, spring);
+}
+
+/* The spring of a row */
+static inline int32_t ms_section_spring(const ms_section *s, int32_t row) {
+  if (!s->other_spring || row < s->nsprings) return s->first_spring + row;
+  return s->other_spring[row - s->nsprings];
 }
 
 /* The particle of a row */
 static inline int32_t ms_section_particle(const ms_section *s, size_t row) {
-  return row < (size_t)s->n ? s->first + (int32_t)row : s->other[row - (size_t)s->n];
+  return !s->other || row < (size_t)s->n ? s->first + (int32_t)row : s->other[row - (size_t)s->n];
 }
 
 #endif

@@ -302,12 +302,9 @@ static msim_status open_file(msim_recorder *r, const char *path, int how, msim_r
                        : open_new_trajectory(r, path, how == REPLACE, err);
 }
 
-static msim_status open_at(msim_sim *sim, const char *path, int how, msim_recorder **recorder,
-                           msim_error *err) {
-  if (!sim || !path || !recorder)
-    return ms_error_set(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
-  const double start = ms_clock_now();
-  *recorder = NULL;
+/* With the whole scene */
+static msim_status open_whole(msim_sim *sim, const char *path, int how, msim_recorder **recorder,
+                              msim_error *err) {
   msim_recorder *r = NULL;
   msim_resumption from = {.size = sizeof from};
   msim_status status = create_recorder(sim, path, &r, err);
@@ -317,13 +314,26 @@ static msim_status open_at(msim_sim *sim, const char *path, int how, msim_record
   if (!status && r->frames.ranks) status = ms_rank_section_create(sim, err);
   if (!status && how == RESUME)
     status = ms_ranks_agree(sim->ranks, continue_run(r, &from, err), err);
-  ms_sim_count_output(sim, ms_clock_now() - start);
   if (!status) {
     *recorder = r;
     return ms_error_clear(err);
   }
   if (r && r->self) r->type->close(r->self);
   destroy_recorder(r);
+  return status;
+}
+
+static msim_status open_at(msim_sim *sim, const char *path, int how, msim_recorder **recorder,
+                           msim_error *err) {
+  if (!sim || !path || !recorder)
+    return ms_error_set(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
+  const double start = ms_clock_now();
+  const int is_divided = sim->kept != NULL;
+  *recorder = NULL;
+  msim_status status = ms_rank_scene_gather(sim, err);
+  if (!status) status = open_whole(sim, path, how, recorder, err);
+  if (is_divided) ms_rank_scene_divide(sim, NULL);
+  ms_sim_count_output(sim, ms_clock_now() - start);
   return status;
 }
 
@@ -367,10 +377,9 @@ static const double *get_poses(msim_recorder *r, double t) {
   return r->poses;
 }
 
-/* What a frame shows: x and v of the rows of a section of the scene; all in one process */
+/* What a frame shows: the rows of a section of the scene; all in one process */
 typedef struct frame_state {
-  ms_section section;
-  const double *x, *v;
+  ms_strain_section section;
   msim_energy energy;
 } frame_state;
 
@@ -382,14 +391,16 @@ static msim_status get_whole_state(msim_sim *sim, frame_state *s, msim_error *er
   if (status) return status;
   msim_sim_state(sim, &whole);
   msim_sim_energy(sim, &s->energy);
-  s->section = ms_section_whole(sim->scene), s->x = whole.x, s->v = whole.v;
+  const ms_section all = ms_section_whole(sim->scene);
+  s->section = (ms_strain_section){all, sim->scene, all, whole.x, whole.v};
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
 
 static msim_status get_section_state(msim_sim *sim, frame_state *s, msim_error *err) {
   const msim_status status = ms_sim_update_section(sim, err);
   if (status) return status;
-  s->section = sim->section->is, s->x = sim->section->x, s->v = sim->section->v;
+  s->section = (ms_strain_section){sim->section->is, ms_rank_section_scene(sim),
+                                   ms_rank_section_numbers(sim), sim->section->x, sim->section->v};
   s->energy = ms_rank_section_sum_energy(sim);
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
@@ -409,14 +420,14 @@ static msim_status record_state(msim_recorder *r, const frame_state *s, msim_err
   const msim_energy *energy = &s->energy;
   msim_status status = MSIM_OK;
   if (r->frames.ranks || has_file(sim))
-    status = ms_strain_compute(&r->strain, sim->scene, &s->section, s->x, s->v, &sim->alloc, err);
+    status = ms_strain_compute(&r->strain, &s->section, &sim->alloc, err);
   status = ms_ranks_agree(sim->ranks, status, err);
   if (status) return status;
   msim_frame frame = {.size = sizeof frame,
                       .step = sim->run.step,
                       .t = ms_sim_time(sim),
-                      .x = s->x,
-                      .v = s->v,
+                      .x = s->section.x,
+                      .v = s->section.v,
                       .kinetic = energy->kinetic,
                       .potential = energy->elastic + energy->gravitational,
                       .elastic = energy->elastic,
@@ -430,7 +441,7 @@ static msim_status record_state(msim_recorder *r, const frame_state *s, msim_err
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "
                         "or another integrator",
                         (long long)frame.step, frame.t);
-  status = ms_ranks_agree(sim->ranks, write_frame(r, &s->section, &frame, err), err);
+  status = ms_ranks_agree(sim->ranks, write_frame(r, &s->section.is, &frame, err), err);
   return status ? status : ms_error_clear(err);
 }
 

@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #include "base/vec3.h"
 #include "physics/law.h"
@@ -60,7 +61,7 @@ msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const ms_section
   spring_table table = {.ij = scene->ij};
   const size_t ncells = (size_t)ms_section_count_cells(section);
   const int has_reactions = reactions && has_pins(scene);
-  *s = (ms_strain){0};
+  *s = (ms_strain){.nparticles = (size_t)scene->nparticles};
   if (!MS_NEW(alloc, s->edge, 3 * (size_t)section->nfaces) || !MS_NEW(alloc, s->strain, ncells) ||
       !MS_NEW(alloc, s->tension, ncells) ||
       (has_reactions && !MS_NEW(alloc, s->reaction, 3 * (size_t)scene->nparticles)) ||
@@ -85,31 +86,33 @@ typedef struct cell {
   float strain, tension;
 } cell;
 
-static cell compute_spring(const ms_scene *scene, const ms_section *section, int32_t e,
-                           const double *x) {
-  const double *a = x + 3 * ms_section_row(section, scene->ij[2 * (size_t)e]);
-  const double *b = x + 3 * ms_section_row(section, scene->ij[2 * (size_t)e + 1]);
+/* row: of the section */
+static cell compute_spring(const ms_strain_section *section, int32_t row) {
+  const ms_scene *scene = section->scene;
+  const int32_t e = ms_section_spring(&section->numbers, row);
+  const int32_t *ij = scene->ij + 2 * (size_t)e;
+  const double *a = section->x + 3 * ms_section_row(&section->numbers, ij[0]);
+  const double *b = section->x + 3 * ms_section_row(&section->numbers, ij[1]);
   const double rest = scene->rest[e];
   const double length = ms_vec3_norm((double[]){b[0] - a[0], b[1] - a[1], b[2] - a[2]});
   return (cell){rest > 0 ? to_float((length - rest) / rest) : 0,
                 to_float(ms_law_value_of(scene, e, length).force)};
 }
 
-/* A spring that the section does not have is computed again. */
-static cell get_spring(const ms_strain *s, const ms_scene *scene, const ms_section *section,
-                       int32_t e, const double *x) {
-  const int32_t at = e - section->first_spring;
-  if (at < 0) return compute_spring(scene, section, e, x); /* faces follow the last spring */
-  return (cell){s->strain[at], s->tension[at]};
+/* Other springs are computed again. */
+static cell get_spring(const ms_strain *s, const ms_strain_section *section, int32_t e) {
+  const int32_t row = ms_section_spring_row(&section->is, e);
+  if (row >= section->is.nsprings) return compute_spring(section, row);
+  return (cell){s->strain[row], s->tension[row]};
 }
 
-static cell compute_face(const ms_strain *s, const ms_scene *scene, const ms_section *section,
-                         const int32_t edge[3], const double *x) {
+static cell compute_face(const ms_strain *s, const ms_strain_section *section,
+                         const int32_t edge[3]) {
   double strain = 0, tension = 0;
   int count = 0;
   for (int c = 0; c < 3; c++) {
     if (edge[c] < 0) continue;
-    const cell side = get_spring(s, scene, section, edge[c], x);
+    const cell side = get_spring(s, section, edge[c]);
     strain += (double)side.strain, tension += (double)side.tension;
     count++;
   }
@@ -117,12 +120,11 @@ static cell compute_face(const ms_strain *s, const ms_scene *scene, const ms_sec
 }
 
 /* ... after all springs */
-static void compute_cells(ms_strain *s, const ms_scene *scene, const ms_section *section,
-                          const double *x) {
-  for (int64_t k = 0; k < ms_section_count_cells(section); k++) {
-    const int64_t face = k - section->nsprings;
-    const cell it = face < 0 ? compute_spring(scene, section, section->first_spring + (int32_t)k, x)
-                             : compute_face(s, scene, section, s->edge + 3 * face, x);
+static void compute_cells(ms_strain *s, const ms_strain_section *section) {
+  const int32_t n = section->is.nsprings;
+  for (int64_t k = 0; k < ms_section_count_cells(&section->is); k++) {
+    const cell it = k < n ? compute_spring(section, (int32_t)k)
+                          : compute_face(s, section, s->edge + 3 * (k - n));
     s->strain[k] = it.strain, s->tension[k] = it.tension;
   }
 }
@@ -137,23 +139,23 @@ static msim_status reserve_exact(ms_strain *s, size_t rows, const msim_allocator
   return MSIM_OK;
 }
 
-static void compute_reactions(ms_strain *s, const ms_scene *scene, const ms_section *section,
-                              const double *x, const double *v) {
-  const double none[3] = {0};
-  ms_reference_compute_reactions(scene, section, x, v, s->exact);
-  for (int32_t p = 0; p < scene->nparticles; p++) {
-    const double *exact = scene->pinned[p] ? s->exact + 3 * ms_section_row(section, p) : none;
-    for (size_t c = 0; c < 3; c++) s->reaction[3 * (size_t)p + c] = to_float(exact[c]);
+static void compute_reactions(ms_strain *s, const ms_strain_section *section, size_t rows) {
+  const ms_scene *scene = section->scene;
+  ms_reference_compute_reactions(scene, &section->numbers, section->x, section->v, s->exact);
+  memset(s->reaction, 0, 3 * s->nparticles * sizeof *s->reaction);
+  for (size_t i = 0; i < rows; i++) {
+    if (!scene->pinned[ms_section_particle(&section->numbers, i)]) continue;
+    float *to = s->reaction + 3 * (size_t)ms_section_particle(&section->is, i);
+    for (size_t c = 0; c < 3; c++) to[c] = to_float(s->exact[3 * i + c]);
   }
 }
 
-msim_status ms_strain_compute(ms_strain *s, const ms_scene *scene, const ms_section *section,
-                              const double *x, const double *v, const msim_allocator *alloc,
-                              msim_error *err) {
-  const size_t rows = (size_t)section->n + (size_t)section->nothers;
-  compute_cells(s, scene, section, x);
+msim_status ms_strain_compute(ms_strain *s, const ms_strain_section *section,
+                              const msim_allocator *alloc, msim_error *err) {
+  const size_t rows = (size_t)section->is.n + (size_t)section->is.nothers;
+  compute_cells(s, section);
   if (!s->reaction) return MSIM_OK;
   const msim_status status = reserve_exact(s, rows, alloc, err);
-  if (!status) compute_reactions(s, scene, section, x, v);
+  if (!status) compute_reactions(s, section, rows);
   return status;
 }

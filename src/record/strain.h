@@ -13,8 +13,9 @@ typedef struct ms_strain {
   int32_t *edge;           /* the springs between the corners of each face; -1: none */
   float *strain, *tension; /* of the cells, springs and then faces; tension in N */
   float *reaction;         /* 3 nparticles, N; NULL: no particle was pinned at ms_strain_init */
-  double *exact;           /* the same of the rows of a section, in double precision */
-  size_t rows;             /* of `exact` */
+  size_t nparticles;
+  double *exact; /* the same of the rows of a section, in double precision */
+  size_t rows;   /* of `exact` */
 } ms_strain;
 
 /* For the cells of a section. reactions: 1 to compute those, too, if particles are pinned. Call
@@ -22,11 +23,18 @@ typedef struct ms_strain {
 msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const ms_section *section,
                            int reactions, const msim_allocator *alloc, msim_error *err);
 
-/* The section has the same cells, and with reactions the ends of all springs and angular springs
- * at pinned particles. Fails for want of memory only where it has more rows than before. */
-msim_status ms_strain_compute(ms_strain *s, const ms_scene *scene, const ms_section *section,
-                              const double *x, const double *v, const msim_allocator *alloc,
-                              msim_error *err);
+/* A section with the same cells, its other springs, and with reactions the ends of all springs and
+ * angular springs at pinned particles */
+typedef struct ms_strain_section {
+  ms_section is;
+  const ms_scene *scene; /* has all of it: the scene of ms_strain_init, or a slice of that */
+  ms_section numbers;    /* the section in the numbers of this scene */
+  const double *x, *v;   /* of its rows */
+} ms_strain_section;
+
+/* Fails for want of memory only where the section has more rows than before. */
+msim_status ms_strain_compute(ms_strain *s, const ms_strain_section *section,
+                              const msim_allocator *alloc, msim_error *err);
 void ms_strain_free(ms_strain *s, const msim_allocator *alloc);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "methods/methods.h"
 #include "sim/island_step.h"
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 
 enum { MOST_SENTENCES = 5 };
 
@@ -200,6 +200,8 @@ msim_status msim_sim_advice(msim_sim *sim, char *text, size_t size) {
   if (!sim || !text || !size) return MSIM_ERR_ARG;
   advice a = {.sim = sim, .text = text, .size = size};
   text[0] = 0;
+  const msim_status status = ms_rank_scene_gather(sim, NULL);
+  if (status) return status;
   switch (sim->last_status) {
     case MSIM_NOT_SPD:
       advise_not_spd(&a);

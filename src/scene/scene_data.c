@@ -150,8 +150,7 @@ static void cut_particles(const ms_scene *s, const ms_scene_cut *cut, ms_scene *
 static void cut_springs(const ms_scene *s, const ms_scene_cut *cut, ms_scene *c) {
   for (size_t i = 0; i < (size_t)cut->nsprings; i++) {
     const size_t e = (size_t)cut->spring[i];
-    for (size_t end = 0; end < 2; end++)
-      c->ij[2 * i + end] = place_of(cut, s->ij[2 * e + end]);
+    for (size_t end = 0; end < 2; end++) c->ij[2 * i + end] = place_of(cut, s->ij[2 * e + end]);
     c->k[i] = s->k[e], c->rest[i] = s->rest[e], c->damping[i] = s->damping[e];
   }
 }

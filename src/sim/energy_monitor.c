@@ -7,7 +7,7 @@
 
 #include "base/vec3.h"
 #include "integrate/method_state.h"
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 #include "physics/external_force.h"
 #include "physics/force_function.h"
 #include "physics/signed_distance.h"
@@ -270,7 +270,7 @@ static int32_t find_extreme_particle(const msim_sim *sim, int fastest, const dou
       if (size > *most) *most = size, first = m->model.unknowns.particle[r];
     }
   }
-  return first;
+  return ms_rank_scene_get_particle(sim, first);
 }
 
 static msim_status write_unstable(const msim_sim *sim, const ms_totals *now, const energy_bounds *b,

@@ -1,4 +1,5 @@
 /* observe - read a sim: state, energies, forces, statistics and plan (msim.h) */
+#include <math.h>
 #include <string.h>
 
 #include "base/sized.h"
@@ -84,15 +85,19 @@ static msim_status provide_state(msim_sim *sim) {
 
 /* Pinned particles, and the axis left out, are as in the scene. */
 msim_status ms_sim_update_section(msim_sim *sim, msim_error *err) {
-  const msim_status status = ms_rank_section_create(sim, err);
+  const int divides = sim->kept && !sim->section;
   const double *x, *v;
+  msim_status status = divides ? ms_rank_scene_gather(sim, err) : MSIM_OK;
+  if (!status) status = ms_rank_section_create(sim, err);
+  if (divides) ms_rank_scene_divide(sim, NULL);
   if (status) return status;
   if (sim->state_x) {
     update_state_arrays(sim);
-    ms_rank_section_copy(sim->section, sim->state_x, sim->state_v);
+    ms_rank_section_copy(sim, sim->state_x, sim->state_v);
   } else {
+    const ms_scene *scene = ms_rank_section_scene(sim);
     show_island(sim, sim->islands, &x, &v);
-    ms_rank_section_copy(sim->section, sim->scene->x, sim->scene->v);
+    ms_rank_section_copy(sim, scene->x, scene->v);
     ms_rank_section_exchange(sim, x, v);
   }
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);
@@ -104,13 +109,13 @@ msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
   if (status) return status;
   msim_state full = {.step = sim->run.step,
                      .t = ms_sim_time(sim),
-                     .n = sim->scene->nparticles,
+                     .n = ms_rank_scene_count_particles(sim),
                      .x = sim->state_x,
                      .v = sim->state_v,
                      .v_half = sim->config.integrator->sync ? sim->state_v_half : NULL,
                      .h = sim->run.h,
                      .work = sim->run.work,
-                     .nsprings = sim->scene->nsprings};
+                     .nsprings = ms_rank_scene_count_springs(sim)};
   return ms_sized_write(state, &full, sizeof full);
 }
 
@@ -162,6 +167,10 @@ static void add_island_force(const ms_island_sim *m, double t, const double *x, 
 }
 
 void msim_sim_force(msim_sim *sim, const double *x, const double *v, double *force) {
+  if (ms_rank_scene_gather(sim, NULL)) {
+    for (size_t i = 0; i < 3 * (size_t)sim->kept->nparticles; i++) force[i] = NAN;
+    return;
+  }
   const ms_scene *scene = sim->scene;
   const int32_t left_out = sim->islands->model.unknowns.dropped_axis;
   if (sim->part || sim->islands->model.single ||
@@ -187,8 +196,8 @@ msim_status msim_sim_reactions(msim_sim *sim, double *reaction) {
 
 msim_status msim_sim_broken(const msim_sim *sim, uint8_t *broken) {
   if (!sim || !broken) return MSIM_ERR_ARG;
-  for (int32_t e = 0; e < sim->scene->nsprings; e++)
-    broken[e] = (uint8_t)ms_scene_is_broken(sim->scene, e);
+  for (int32_t e = 0; e < ms_rank_scene_count_springs(sim); e++)
+    broken[e] = !sim->kept && ms_scene_is_broken(sim->scene, e); /* scenes with laws are whole */
   return MSIM_OK;
 }
 

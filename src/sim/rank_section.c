@@ -15,19 +15,32 @@ typedef struct requests {
 
 static int32_t count_rows(const ms_rank_section *s) { return s->is.n + s->is.nothers; }
 
+/* Those of n that are marked: *count of them */
+static int list_marked(const msim_allocator *alloc, int32_t n, const uint8_t *mark, int32_t *count,
+                       int32_t **list) {
+  int32_t k = 0;
+  for (int32_t i = 0; i < n; i++) *count += mark[i];
+  if (!MS_NEW(alloc, *list, *count)) return 0;
+  for (int32_t i = 0; i < n; i++)
+    if (mark[i]) (*list)[k++] = i;
+  return 1;
+}
+
 /* Only the first rank writes reactions. */
 static int list_others(const msim_sim *sim, ms_rank_section *s) {
+  const msim_allocator *alloc = &sim->alloc;
   const ms_scene *scene = sim->scene;
-  uint8_t *mark;
-  int32_t n = 0;
-  if (!MS_NEW(&sim->alloc, mark, scene->nparticles)) return 0;
-  ms_section_mark_others(scene, &s->is, sim->ranks->rank == 0, mark);
-  for (int32_t p = 0; p < scene->nparticles; p++) s->is.nothers += mark[p];
-  const int fits = MS_NEW(&sim->alloc, s->other, s->is.nothers) != NULL;
-  for (int32_t p = 0; p < scene->nparticles && fits; p++)
-    if (mark[p]) s->other[n++] = p;
-  s->is.other = s->other;
-  ms_memory_free(&sim->alloc, mark);
+  const int with_pins = sim->ranks->rank == 0;
+  uint8_t *mark = NULL, *mark_spring = NULL, *corner = NULL;
+  int fits = MS_NEW(alloc, mark, scene->nparticles) != NULL;
+  if (fits) ms_section_mark_others(scene, &s->is, with_pins, mark);
+  fits = fits && list_marked(alloc, scene->nparticles, mark, &s->is.nothers, &s->other) &&
+         MS_NEW(alloc, corner, scene->nparticles) && MS_NEW(alloc, mark_spring, scene->nsprings);
+  if (fits) ms_section_mark_other_springs(scene, &s->is, with_pins, mark_spring, corner);
+  fits = fits &&
+         list_marked(alloc, scene->nsprings, mark_spring, &s->is.nother_springs, &s->other_spring);
+  s->is.other = s->other, s->is.other_spring = s->other_spring;
+  MS_FREE(alloc, mark, mark_spring, corner);
   return fits;
 }
 
@@ -116,16 +129,18 @@ void ms_rank_section_destroy(msim_sim *sim) {
   ms_rank_section *s = sim->section;
   if (!s) return;
   ms_buckets_destroy(&sim->alloc, &s->in);
-  MS_FREE(&sim->alloc, s->x, s->v, s->other, s->out, s->send_bytes, s->receive_bytes, s->send,
-          s->receive, s);
+  MS_FREE(&sim->alloc, s->x, s->v, s->other, s->other_spring, s->out, s->send_bytes,
+          s->receive_bytes, s->send, s->receive, s);
   sim->section = NULL;
 }
 
 /*------------------------------------- use ------------------------------------------------------*/
 
-void ms_rank_section_copy(ms_rank_section *s, const double *x, const double *v) {
+void ms_rank_section_copy(const msim_sim *sim, const double *x, const double *v) {
+  const ms_rank_section *s = sim->section;
+  const ms_section is = ms_rank_section_numbers(sim);
   for (size_t i = 0; i < (size_t)count_rows(s); i++) {
-    const size_t p = 3 * (size_t)ms_section_particle(&s->is, i);
+    const size_t p = 3 * (size_t)ms_section_particle(&is, i);
     for (size_t c = 0; c < 3; c++) s->x[3 * i + c] = x[p + c], s->v[3 * i + c] = v[p + c];
   }
 }
@@ -150,10 +165,12 @@ void ms_rank_section_exchange(const msim_sim *sim, const double *x, const double
 /* The sums pass from rank to rank. */
 msim_energy ms_rank_section_sum_energy(const msim_sim *sim) {
   const ms_rank_section *s = sim->section;
+  const ms_section is = ms_rank_section_numbers(sim);
   msim_energy sum = {0};
   for (int round = 0; round < MS_ENERGY_ROUNDS; round++)
     for (int32_t r = 0; r < sim->ranks->n; r++) {
-      if (r == sim->ranks->rank) ms_energy_add_section(sim->scene, &s->is, s->x, s->v, round, &sum);
+      if (r == sim->ranks->rank)
+        ms_energy_add_section(ms_rank_section_scene(sim), &is, s->x, s->v, round, &sum);
       ms_ranks_broadcast(sim->ranks, r, sizeof sum, &sum);
     }
   ms_energy_set_total(&sum);

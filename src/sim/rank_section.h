@@ -7,13 +7,13 @@
 
 #include "base/buckets.h"
 #include "layout/section.h"
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 
 typedef struct ms_rank_section {
   ms_section is;
-  double *x, *v;  /* of its rows, as last updated */
-  int32_t *other; /* of `is` */
-  ms_buckets in;  /* the rows that each rank sends */
+  double *x, *v;                 /* of its rows, as last updated */
+  int32_t *other, *other_spring; /* of `is` */
+  ms_buckets in;                 /* the rows that each rank sends */
   int32_t nout;
   int32_t *out; /* nout: the unknowns that each rank gets, one rank after the other */
   /* nranks each: bytes of one number of each of these; and the numbers themselves */
@@ -21,15 +21,23 @@ typedef struct ms_rank_section {
   double *send, *receive;
 } ms_rank_section;
 
-/* Make the section of a rank, unless it is there, in sim->section; collective. It lasts as long as
- * the islands. */
+/* Make the section of a rank that has the whole scene, unless it is there, in sim->section;
+ * collective. It lasts as long as the islands. */
 msim_status ms_rank_section_create(msim_sim *sim, msim_error *err);
 void ms_rank_section_destroy(msim_sim *sim);
 
-/* Set its x and v from arrays of the whole scene, or those of free particles from vectors of the
+/* The scene that has the particles, springs and faces of the section, and their numbers there */
+static inline const ms_scene *ms_rank_section_scene(const msim_sim *sim) {
+  return sim->kept ? sim->kept->slice : sim->scene;
+}
+static inline ms_section ms_rank_section_numbers(const msim_sim *sim) {
+  return sim->kept ? sim->kept->rows : sim->section->is;
+}
+
+/* Set its x and v from arrays of that scene, or those of free particles from vectors of the
  * islands of all ranks, along the axes that these have; the latter is collective, and a failure of
  * the communicator is kept for the next agreement. */
-void ms_rank_section_copy(ms_rank_section *section, const double *x, const double *v);
+void ms_rank_section_copy(const msim_sim *sim, const double *x, const double *v);
 void ms_rank_section_exchange(const msim_sim *sim, const double *x, const double *v);
 
 /* The energy of the whole scene in the state of all sections, with the bits of one process;

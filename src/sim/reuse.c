@@ -78,8 +78,7 @@ int ms_reuse_island(const msim_sim *sim, const ms_island *island, int32_t left_o
 
 /*------------------------------------- move -----------------------------------------------------*/
 
-static void renumber(ms_model *model, const ms_scene *scene, const ms_island_reuse *reuse) {
-  const ms_edit_map *map = reuse->map;
+void ms_reuse_renumber(ms_model *model, const ms_scene *scene, const ms_edit_map *map) {
   int32_t *particle = model->unknowns.particle, *spring = model->springs.spring;
   for (int32_t r = 0; r < model->unknowns.stride; r++)
     if (particle[r] >= 0) particle[r] = map->particle[particle[r]];
@@ -89,7 +88,6 @@ static void renumber(ms_model *model, const ms_scene *scene, const ms_island_reu
   for (int32_t i = 0; model->function && i < model->function->n; i++)
     model->function->particle[i] = map->particle[model->function->particle[i]];
   model->scene = scene;
-  if (model->pins) ms_moving_pins_renumber(model, reuse->mover);
   if (model->laws) ms_law_springs_update(model);
 }
 
@@ -98,7 +96,8 @@ void ms_reuse_finish(msim_sim *sim) {
     if (!m->is_reused) continue;
     sim->reuse->old->islands[m->is_reused - 1] = (ms_island_sim){0};
     m->is_reused = 0;
-    renumber(&m->model, sim->scene, sim->reuse);
+    ms_reuse_renumber(&m->model, sim->scene, sim->reuse->map);
+    if (m->model.pins) ms_moving_pins_renumber(&m->model, sim->reuse->mover);
     m->stepper.model = &m->model;
     m->stepper.stats = m->single_thread ? &m->stats : &sim->stats;
     if (m->stepper.solver) ms_solver_set_model(m->stepper.solver, &m->model);

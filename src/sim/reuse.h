@@ -29,6 +29,9 @@ void ms_reuse_destroy(const msim_sim *sim, ms_island_reuse *reuse);
 int ms_reuse_island(const msim_sim *sim, const ms_island *island, int32_t left_out,
                     ms_island_sim *m);
 
+/* Let a model refer to another scene, in which its particles and springs have other numbers. */
+void ms_reuse_renumber(ms_model *model, const ms_scene *scene, const ms_edit_map *map);
+
 /* Once all islands are built: move the old ones that are reused, and renumber their particles and
  * springs. */
 void ms_reuse_finish(msim_sim *sim);

@@ -301,6 +301,7 @@ void msim_sim_destroy(msim_sim *sim) {
   ms_ranks_destroy(&sim->alloc, sim->ranks);
   MS_FREE(&sim->alloc, sim->solver, sim->solver_options, sim->plugin_path, sim->contacts,
           sim->island_of, sim->island_energies);
+  ms_rank_scene_destroy(&sim->alloc, sim->kept);
   ms_scene_release(sim->scene);
   ms_scene_release(sim->chosen_for);
   ms_scene_release(sim->created_from);

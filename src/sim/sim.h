@@ -47,7 +47,8 @@ struct msim_sim {
   ms_rank_part *part;              /* what this rank computes; NULL likewise */
   struct ms_rank_section *section; /* what this rank has for output; NULL: not requested */
   int ranks_stop;                  /* 1: the ranks have agreed to stop after the step just made */
-  ms_scene *scene;                 /* reference counted */
+  ms_scene *scene;                 /* reference counted; where `kept` is set, a part of the whole */
+  struct ms_rank_scene *kept;      /* what this rank keeps of the scene; NULL: all of it */
   ms_scene *created_from; /* has the forces and pins of the creation; NULL: `scene` has them */
   ms_scene *edited_from;  /* the scene before the first edit; NULL: there was none */
   int64_t edits;          /* changes of particles and springs, by edits and checkpoints */

@@ -1,7 +1,7 @@
 /* state_arrays - the arrays of the state, in the order of the particles */
 #include <string.h>
 
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 
 /* At least twice as many as before, so that all older arrays together are shorter. auto may choose
  * a method later that carries v_half. */
@@ -30,10 +30,11 @@ msim_status ms_sim_reserve_state(msim_sim *sim, int32_t n, msim_error *err) {
 
 /* What no vector has, particles without an island and the axis left out, is as in the scene. */
 msim_status ms_sim_provide_arrays(msim_sim *sim, msim_error *err) {
-  const ms_scene *scene = sim->scene;
   if (!sim->part || sim->state_x) return MSIM_OK;
-  msim_status status = ms_sim_reserve_state(sim, scene->nparticles, err);
-  status = ms_ranks_agree(sim->ranks, status, err);
+  msim_status status = ms_rank_scene_gather(sim, err);
+  if (status) return status;
+  const ms_scene *scene = sim->scene;
+  status = ms_ranks_agree(sim->ranks, ms_sim_reserve_state(sim, scene->nparticles, err), err);
   if (!status) {
     memcpy(sim->state_x, scene->x, 3 * (size_t)scene->nparticles * sizeof *scene->x);
     memcpy(sim->state_v, scene->v, 3 * (size_t)scene->nparticles * sizeof *scene->v);

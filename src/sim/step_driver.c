@@ -15,6 +15,7 @@
 #include "physics/single.h"
 #include "sim/frames.h"
 #include "sim/island_step.h"
+#include "sim/rank_scene.h"
 #include "sim/rank_sim.h"
 
 /*------------------------------------- one island -----------------------------------------------*/
@@ -175,8 +176,10 @@ static msim_status report_failed_step(const msim_sim *sim, const ms_island_sim *
                                                      ms_single_get_v(&m->model, s->v), row)
                            : -1;
   if (row >= 0)
-    snprintf(particle, sizeof particle, ", particle %d", m->model.unknowns.particle[row]);
-  if (pull >= 0) snprintf(spring, sizeof spring, ", spring %d", pull);
+    snprintf(particle, sizeof particle, ", particle %d",
+             ms_rank_scene_get_particle(sim, m->model.unknowns.particle[row]));
+  if (pull >= 0)
+    snprintf(spring, sizeof spring, ", spring %d", ms_rank_scene_get_spring(sim, pull));
   return ms_error_set(err, status, "step %lld, t = %g s%s%s: %s", (long long)(sim->run.step + 1), t,
                       particle, spring, *why ? why : msim_status_text(status));
 }

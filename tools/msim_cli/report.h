@@ -5,7 +5,7 @@
 #include "arguments.h"
 
 typedef struct report {
-  const char *name; /* name of the scene */
+  char name[256];   /* of the scene */
   msim_state first; /* only step and t are used */
   msim_energy start;
   double wall_s;

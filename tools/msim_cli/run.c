@@ -64,6 +64,17 @@ static void find_end(run *r) {
                                                     : r->first.step + plan.steps;
 }
 
+/* Several ranks keep parts of the scene (docs/ranks.md): let the arrays of the file go, unless
+ * --final or a table refers to them. */
+static void release_scene(run *r) {
+  const arguments *args = r->args;
+  int nusers = args->final != NULL;
+  for (int i = 0; i < NTABLES; i++) nusers += i != TABLE_ENERGIES && args->tables[i];
+  if (!r->made.options.comm || nusers > 0) return;
+  setup_free(&r->made);
+  r->made.scene = NULL;
+}
+
 static int make_sim(run *r) {
   const arguments *args = r->args;
   msim_options *options = &r->made.options;
@@ -87,6 +98,10 @@ static int make_sim(run *r) {
   }
   msim_status status = msim_sim_create(r->made.scene, options, &r->sim, &err);
   if (status) return setup_report_error(status, &err);
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(r->made.scene, &view);
+  snprintf(r->report.name, sizeof r->report.name, "%s", view.name);
+  release_scene(r);
   if (args->init && final_read(args->init, r->sim)) return EXIT_ERROR;
   find_end(r);
   return EXIT_OK;
@@ -266,9 +281,6 @@ static int finish(run *r, msim_status status, msim_error *err) {
 }
 
 static void start_report(run *r) {
-  msim_scene_view view = {.size = sizeof view};
-  msim_scene_get(r->made.scene, &view);
-  r->report.name = view.name;
   r->report.first = r->from;
   r->report.start.size = sizeof r->report.start;
   if (!r->args->quiet) msim_sim_energy(r->sim, &r->report.start);

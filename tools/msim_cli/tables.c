@@ -27,7 +27,7 @@ int table_open(table *t, table_kind kind, const msim_scene *scene, const char *p
   msim_scene_view view = {.size = sizeof view};
   t->kind = kind;
   t->scene = scene;
-  msim_scene_get(scene, &view);
+  if (kind != TABLE_ENERGIES) msim_scene_get(scene, &view);
   const int32_t rows = view.nparticles > view.nsprings ? view.nparticles : view.nsprings;
   t->values = calloc(3 * (size_t)rows, sizeof *t->values);
   if (!t->values) return report_error("out of memory for a table of %s", kinds[kind].name);
@@ -59,7 +59,7 @@ static int start_muted(table *t) {
 
 int table_start(table *t, msim_sim *sim, int resumed) {
   msim_error err;
-  msim_state state = {.size = sizeof state};
+  msim_state state = {.size = MSIM_STATE_TIME};
   msim_sim_state(sim, &state);
   if (!ranks_has_files()) return start_muted(t);
   if (resumed) keep_rows(&t->start, state.t);
@@ -83,35 +83,35 @@ static void put_row(const table *t, const msim_state *now, int32_t i, const doub
           a[0], a[1], a[2]);
 }
 
-static void put_reactions(const table *t, const msim_state *now, msim_sim *sim,
-                          const msim_scene_view *scene) {
+static void put_reactions(const table *t, const msim_state *now, msim_sim *sim) {
+  msim_scene_view scene = {.size = sizeof scene};
+  msim_scene_get(t->scene, &scene);
   msim_sim_reactions(sim, t->values);
-  for (int32_t p = 0; p < scene->nparticles; p++)
-    if (scene->pinned[p]) put_row(t, now, p, t->values + 3 * (size_t)p);
+  for (int32_t p = 0; p < scene.nparticles; p++)
+    if (scene.pinned[p]) put_row(t, now, p, t->values + 3 * (size_t)p);
 }
 
-static void put_springs(const table *t, const msim_state *now, msim_sim *sim,
-                        const msim_scene_view *scene) {
-  const size_t n = (size_t)scene->nsprings;
+static void put_springs(const table *t, const msim_state *now, msim_sim *sim) {
+  msim_scene_view scene = {.size = sizeof scene};
+  msim_scene_get(t->scene, &scene);
+  const size_t n = (size_t)scene.nsprings;
   double *tension = t->values, *elongation = tension + n, *strain = elongation + n;
   msim_sim_springs(sim, tension, elongation, strain);
-  for (int32_t e = 0; e < scene->nsprings; e++)
+  for (int32_t e = 0; e < scene.nsprings; e++)
     put_row(t, now, e, (double[]){tension[e], elongation[e], strain[e]});
 }
 
 msim_status table_write(table *t, msim_sim *sim, msim_error *err) {
-  msim_state state = {.size = sizeof state};
+  msim_state state = {.size = MSIM_STATE_TIME};
   msim_energy energy = {.size = sizeof energy};
-  msim_scene_view scene = {.size = sizeof scene};
   if (!t->stream) return MSIM_OK;
   msim_sim_state(sim, &state);
   msim_sim_energy(sim, &energy);
-  msim_scene_get(t->scene, &scene);
   if (!isfinite(energy.total)) return MSIM_OK;
   errno = 0;
   if (t->kind == TABLE_ENERGIES) put_energies(t, &state, &energy);
-  if (t->kind == TABLE_REACTIONS) put_reactions(t, &state, sim, &scene);
-  if (t->kind == TABLE_SPRINGS) put_springs(t, &state, sim, &scene);
+  if (t->kind == TABLE_REACTIONS) put_reactions(t, &state, sim);
+  if (t->kind == TABLE_SPRINGS) put_springs(t, &state, sim);
   if (fflush(t->stream) == 0 && !ferror(t->stream)) return MSIM_OK;
   err->status = MSIM_ERR_IO;
   snprintf(err->text, sizeof err->text, "cannot write '%s': %s", t->start.path, strerror(errno));

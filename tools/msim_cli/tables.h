@@ -16,10 +16,10 @@ typedef enum table_kind { TABLE_ENERGIES, TABLE_REACTIONS, TABLE_SPRINGS, NTABLE
 
 typedef struct table {
   table_kind kind;
-  const msim_scene *scene;
-  output_file start; /* the table until table_start */
-  FILE *stream;      /* NULL: no table */
-  double *values;    /* memory for the numbers of a frame */
+  const msim_scene *scene; /* not of energies */
+  output_file start;       /* the table until table_start */
+  FILE *stream;            /* NULL: no table */
+  double *values;          /* memory for the numbers of a frame */
 } table;
 
 /* "energies", the flag and what its file holds */

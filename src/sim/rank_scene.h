@@ -1,0 +1,47 @@
+/* rank_scene - what a rank keeps of the scene after creation, so that its memory falls with the
+ * number of ranks
+ *
+ * sim->scene becomes the part that the model of this rank refers to: own particles, ghosts and
+ * pinned particles at their springs, under numbers of its own. Beside it the rank keeps a slice of
+ * the whole scene, the section of rank_section.h, so that all slices, one behind the other, are the
+ * whole scene. What speaks of numbers in the whole scene gathers it first. */
+#ifndef MS_RANK_SCENE_H
+#define MS_RANK_SCENE_H
+
+#include "layout/section.h"
+#include "sim/sim.h"
+
+typedef struct ms_rank_scene {
+  int32_t nparticles, nsprings, nfaces; /* of the whole scene */
+  int32_t *particle, *spring;           /* of each one of sim->scene: its number there */
+  ms_scene *slice;
+  ms_section is;   /* what the slice has, in numbers of the whole scene */
+  ms_section rows; /* the same in those of the slice, which are rows of the section */
+  int has_rows;    /* 0: the sim has no section for output: the slice has no other particles, and
+                      its springs and faces refer to numbers of the whole scene */
+} ms_rank_scene;
+
+/* Keep only the parts of this rank, where several ranks share a scene that needs no more; its
+ * arrays have been hashed (sim->scene_hashes). Collective; on failure nothing changes. */
+msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err);
+
+/* Have the whole scene again. Collective; on failure nothing changes. */
+msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err);
+
+void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
+
+/* Of the whole scene, and the number in it of a particle or spring of the model */
+static inline int32_t ms_rank_scene_count_particles(const msim_sim *sim) {
+  return sim->kept ? sim->kept->nparticles : sim->scene->nparticles;
+}
+static inline int32_t ms_rank_scene_count_springs(const msim_sim *sim) {
+  return sim->kept ? sim->kept->nsprings : sim->scene->nsprings;
+}
+static inline int32_t ms_rank_scene_get_particle(const msim_sim *sim, int32_t p) {
+  return sim->kept && p >= 0 ? sim->kept->particle[p] : p;
+}
+static inline int32_t ms_rank_scene_get_spring(const msim_sim *sim, int32_t e) {
+  return sim->kept && e >= 0 ? sim->kept->spring[e] : e;
+}
+
+#endif
