@@ -39,6 +39,14 @@ static msim_status failing_comm_gather(void *self, int64_t bytes, const void *mi
   return failing_comm_end(c->gather(c->self, bytes, mine, all), bytes * c->nranks, all);
 }
 
+static msim_status failing_comm_gather_parts(void *self, const int64_t *bytes, const void *mine,
+                                             void *all) {
+  const msim_comm *c = failing_comm_call(self);
+  int64_t sum = 0;
+  for (int32_t r = 0; r < c->nranks; r++) sum += bytes[r];
+  return failing_comm_end(c->gather_parts(c->self, bytes, mine, all), sum, all);
+}
+
 static msim_status failing_comm_broadcast(void *self, int32_t root, int64_t bytes, void *data) {
   const msim_comm *c = failing_comm_call(self);
   return failing_comm_end(c->broadcast(c->self, root, bytes, data), bytes, data);
@@ -68,11 +76,12 @@ static const char *failing_comm_reason(void *self) {
   return c->reason(c->self);
 }
 
-/* self has to be set to its address. gather_parts() must not be called. */
+/* self has to be set to its address. */
 static inline failing_comm failing_comm_of(msim_comm *inner, int64_t fail_at) {
   failing_comm c = {.table = *inner, .inner = inner, .fail_at = fail_at};
   c.table.sum = failing_comm_sum, c.table.maximum = failing_comm_maximum;
   c.table.gather = failing_comm_gather, c.table.broadcast = failing_comm_broadcast;
+  c.table.gather_parts = failing_comm_gather_parts;
   c.table.all_to_all = failing_comm_all_to_all;
   c.table.exchange_begin = failing_comm_begin, c.table.exchange_end = failing_comm_exchange;
   c.table.reason = failing_comm_reason;

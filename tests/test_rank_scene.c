@@ -1,0 +1,318 @@
+/* Tests of what ranks keep of a scene: the whole one is gathered as it was, bit by bit, sums, frames
+ * and checkpoints of parts are those of one process, errors name particles and springs by their
+ * numbers in the whole scene, and a failure of memory or communication is one of all ranks. */
+#include "counting_allocator.h"
+#include "rank_runs.h"
+#include "failing_comm.h"
+#include "scene/scene.h"
+#include "sim/rank_scene.h"
+
+/*------------------------------------- scenes ---------------------------------------------------*/
+
+static double draw(unsigned *seed) { return 2 * uniform(seed) - 1; }
+
+static int32_t draw_index(unsigned *seed, int32_t n) { return (int32_t)(uniform(seed) * n); }
+
+/* Particles at random places, of which some are pinned and some have no spring, springs and faces
+ * between any of them, several springs between the same ones */
+static msim_scene *draw_scene(const msim_allocator *alloc, unsigned seed) {
+  enum { MOST = 40 };
+  const int32_t n = 12 + draw_index(&seed, MOST - 12), m = draw_index(&seed, 3 * MOST),
+                nfaces = seed % 3 ? draw_index(&seed, 2 * MOST) : 0;
+  double x[3 * MOST], v[3 * MOST], force[3 * MOST], mass[MOST], k[3 * MOST], rest[3 * MOST],
+      damping[3 * MOST];
+  int32_t ij[6 * MOST], faces[6 * MOST], pins[MOST], npins = 0;
+  const double g[3] = {0.5, 0, -9.81};
+  msim_scene *scene;
+  for (int32_t i = 0; i < 3 * n; i++)
+    x[i] = draw(&seed), v[i] = draw(&seed), force[i] = draw(&seed);
+  for (int32_t p = 0; p < n; p++) {
+    mass[p] = 1.5 + draw(&seed);
+    if (draw(&seed) < -0.6) pins[npins++] = p, v[3 * p] = v[3 * p + 1] = v[3 * p + 2] = 0;
+  }
+  for (int32_t e = 0; e < m; e++) {
+    ij[2 * e] = draw_index(&seed, n);
+    ij[2 * e + 1] = (ij[2 * e] + 1 + draw_index(&seed, n - 1)) % n;
+    k[e] = 20 + draw(&seed), rest[e] = 1 + draw(&seed), damping[e] = fmax(0, draw(&seed));
+  }
+  for (int32_t i = 0; i < nfaces; i++) {
+    const int32_t p = draw_index(&seed, n - 2);
+    for (int32_t c = 0; c < 3; c++) faces[3 * i + c] = p + c;
+  }
+  if (msim_scene_create(alloc, &scene, NULL) ||
+      msim_scene_add_particles(scene, n, x, v, mass, NULL) ||
+      (seed % 2 && msim_scene_set_forces(scene, force, NULL)) ||
+      msim_scene_add_springs(scene, m, ij, k, rest, damping, NULL) ||
+      (nfaces && msim_scene_add_faces(scene, nfaces, faces, NULL)) ||
+      msim_scene_pin(scene, npins, pins, NULL) || msim_scene_set_gravity(scene, g, NULL) ||
+      msim_scene_set_name(scene, "drawn", NULL))
+    return NULL;
+  return scene;
+}
+
+/*------------------------------------- gathering ------------------------------------------------*/
+
+static int is_same(const void *a, const void *b, int64_t count, size_t size) {
+  return count == 0 || memcmp(a, b, (size_t)count * size) == 0;
+}
+
+static int are_same_scenes(const ms_scene *a, const ms_scene *b) {
+  const int64_t n = a->nparticles, m = a->nsprings;
+  const size_t real = sizeof(double);
+  return n == b->nparticles && m == b->nsprings && a->nfaces == b->nfaces &&
+         !a->force == !b->force && strcmp(a->name, b->name) == 0 &&
+         is_same(a->x, b->x, 3 * n, real) && is_same(a->v, b->v, 3 * n, real) &&
+         is_same(a->mass, b->mass, n, real) && is_same(a->pinned, b->pinned, n, 1) &&
+         (!a->force || is_same(a->force, b->force, 3 * n, real)) &&
+         is_same(a->ij, b->ij, 2 * m, 4) && is_same(a->k, b->k, m, real) &&
+         is_same(a->rest, b->rest, m, real) && is_same(a->damping, b->damping, m, real) &&
+         is_same(a->faces, b->faces, 3 * (int64_t)a->nfaces, 4) &&
+         memcmp(&a->external, &b->external, sizeof a->external) == 0 && a->nplanes == b->nplanes &&
+         is_same(a->planes, b->planes, a->nplanes, sizeof *a->planes) && a->nrun == b->nrun;
+}
+
+/* What a model of the whole scene has in a part: the same particles and springs */
+static const char *check_part(const msim_comm *comm, const msim_sim *sim, const ms_scene *whole) {
+  const msim_error why = {0};
+  const ms_scene *s = sim->scene;
+  EXPECT(sim->kept && s->nparticles <= whole->nparticles && s->nfaces == 0);
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    const int32_t at = ms_rank_scene_get_particle(sim, p);
+    EXPECT(is_same(s->x + 3 * p, whole->x + 3 * at, 3, 8) && s->mass[p] == whole->mass[at]);
+    EXPECT(s->pinned[p] == whole->pinned[at]);
+  }
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    const int32_t at = ms_rank_scene_get_spring(sim, e);
+    EXPECT(s->k[e] == whole->k[at] && s->damping[e] == whole->damping[at]);
+    for (int c = 0; c < 2; c++)
+      EXPECT(ms_rank_scene_get_particle(sim, s->ij[2 * e + c]) == whole->ij[2 * at + c]);
+  }
+  return NULL;
+}
+
+static const char *gather_scene(msim_comm *comm, void *data) {
+  const msim_scene *scene = data;
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_error why = {0};
+  msim_sim *sim;
+  msim_energy e = {.size = sizeof e};
+  msim_state time = {.size = MSIM_STATE_TIME};
+  opt.comm = comm, opt.threads = 1;
+  EXPECT(msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
+  for (int round = 0; round < 3; round++) { /* without and with a section for output */
+    const char *wrong = check_part(comm, sim, scene->data);
+    if (wrong) return wrong;
+    EXPECT(ms_rank_scene_gather(sim, &why) == MSIM_OK && !sim->kept);
+    EXPECT(are_same_scenes(sim->scene, scene->data) && sim->scene != scene->data);
+    EXPECT(ms_rank_scene_gather(sim, &why) == MSIM_OK);
+    EXPECT(ms_rank_scene_divide(sim, &why) == MSIM_OK && sim->kept);
+    EXPECT(ms_rank_scene_divide(sim, &why) == MSIM_OK);
+    EXPECT(msim_sim_energy(sim, &e) == MSIM_OK && sim->section && sim->kept);
+    EXPECT(msim_sim_state(sim, &time) == MSIM_OK && sim->kept && msim_sim_step(sim, 1, &why) == 0);
+  }
+  EXPECT(ms_rank_scene_count_springs(sim) == scene->data->nsprings);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void scenes_are_gathered_as_they_were(void **state) {
+  (void)state;
+  for (unsigned seed = 1; seed <= 100; seed++) {
+    msim_scene *scene = draw_scene(NULL, seed);
+    assert_non_null(scene);
+    const char *wrong = run_ranks(2 + (int32_t)(seed % 4), gather_scene, scene);
+    if (wrong) fail_msg("seed %u: %s", seed, wrong);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- runs of parts --------------------------------------------*/
+
+typedef struct saved_run {
+  const msim_scene *scene;
+  const char *bytes;
+  size_t length, size;
+  msim_energy energy;
+  int loads;
+} saved_run;
+
+/* Saves and loads without the whole scene before or after */
+static const char *save_parts(msim_comm *comm, void *data) {
+  const saved_run *r = data;
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_error why = {0};
+  msim_sim *sim;
+  msim_energy e = {.size = sizeof e};
+  size_t length;
+  char *bytes = malloc(r->size);
+  opt.comm = comm, opt.threads = 1, opt.watch = MSIM_WATCH_OFF;
+  EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_OK && bytes);
+  EXPECT(msim_sim_save_size(sim) == r->size);
+  const msim_status made =
+      r->loads ? msim_sim_load(sim, r->bytes, r->length, &why) : msim_sim_step(sim, 20, &why);
+  EXPECT(made == MSIM_OK);
+  EXPECT(sim->kept && !sim->state_x);
+  EXPECT(msim_sim_save(sim, bytes, r->size, &length, &why) == MSIM_OK && length == r->length);
+  EXPECT(r->loads || msim_sim_load(sim, bytes, length, &why) == MSIM_OK);
+  EXPECT(msim_sim_energy(sim, &e) == MSIM_OK && sim->kept && e.total == r->energy.total);
+  free(bytes);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void parts_have_checkpoints_and_energies_of_one_process(void **state) {
+  (void)state;
+  for (unsigned seed = 1; seed <= 40; seed++) {
+    msim_scene *scene = draw_scene(NULL, seed);
+    msim_options opt = options("velocity-verlet", 1e-4);
+    opt.watch = MSIM_WATCH_OFF;
+    msim_sim *sim = make_sim(scene, &opt);
+    saved_run r = {.scene = scene, .size = msim_sim_save_size(sim), .energy.size = sizeof r.energy};
+    char *bytes = malloc(r.size);
+    assert_ok(msim_sim_step(sim, 20, err));
+    assert_ok(msim_sim_save(sim, bytes, r.size, &r.length, err));
+    assert_int_equal(msim_sim_energy(sim, &r.energy), MSIM_OK);
+    msim_sim_destroy(sim);
+    r.bytes = bytes;
+    for (r.loads = 0; r.loads < 2; r.loads++) {
+      const char *wrong = run_ranks(2 + (int32_t)(seed % 3), save_parts, &r);
+      if (wrong) fail_msg("seed %u: %s", seed, wrong);
+    }
+    free(bytes);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A run that fails, without the whole scene before its end */
+typedef struct unstable_run {
+  const msim_scene *scene;
+  msim_options opt;
+  int32_t steps;
+  const char *text;
+} unstable_run;
+
+static const char *run_unstable(msim_comm *comm, void *data) {
+  const unstable_run *r = data;
+  msim_options opt = r->opt;
+  msim_error why = {0};
+  msim_sim *sim;
+  opt.comm = comm;
+  EXPECT(msim_sim_create(r->scene, &opt, &sim, &why) == MSIM_OK);
+  const msim_status status = msim_sim_step(sim, r->steps, &why);
+  EXPECT(status == MSIM_UNSTABLE || status == MSIM_NOT_FINITE);
+  EXPECT(sim->kept && strcmp(why.text, r->text) == 0);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+/* The error names `what`, too. */
+static void check_error(const msim_scene *scene, double h, int32_t watch, const char *what) {
+  msim_error why;
+  unstable_run r = {.scene = scene, .opt = options("velocity-verlet", h), .steps = 2000};
+  r.opt.watch = watch;
+  msim_sim *sim = make_sim(scene, &r.opt);
+  assert_true(msim_sim_step(sim, r.steps, &why) > 0);
+  if (!strstr(why.text, "particle") || !strstr(why.text, what)) fail_msg("%s", why.text);
+  msim_sim_destroy(sim);
+  r.text = why.text;
+  for (int32_t n = 2; n <= 4; n++) {
+    const char *wrong = run_ranks(n, run_unstable, &r);
+    if (wrong) fail_msg("%d ranks: %s, not %s", n, wrong, why.text);
+  }
+}
+
+static void errors_have_numbers_of_the_whole_scene(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 300, 0);
+  const double x[9] = {0, 0, 0, 2, 0, 0, 0, 0, 1}, mass[3] = {1, 1, 1}, k[2] = {1e300, 1};
+  const int32_t ij[4] = {81, 82, 0, 83};
+  check_error(cloth, 0.003, MSIM_WATCH_ON, "unstable");
+  assert_ok(msim_scene_add_particles(cloth, 3, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(cloth, 2, ij, k, (double[]){1, 1}, NULL, err));
+  check_error(cloth, 1e-3, MSIM_WATCH_OFF, "spring");
+  msim_scene_destroy(cloth);
+}
+
+/*------------------------------------- failures -------------------------------------------------*/
+
+/* The allocation or call `fail_at` of one rank fails. */
+typedef struct failure_case {
+  unsigned seed;
+  int32_t rank;
+  int64_t fail_at;
+  int of_calls;
+  atomic_int succeeded;
+} failure_case;
+
+/* A sim that is gathered and divided in each way; first failure */
+static msim_status use_parts(const msim_scene *scene, const msim_options *opt, msim_sim **sim,
+                             msim_error *why) {
+  msim_energy e = {.size = sizeof e};
+  msim_state now = {.size = sizeof now};
+  msim_status status = msim_sim_create(scene, opt, sim, why);
+  const double g[3] = {0, 0, -1};
+  char bytes[16384];
+  size_t length;
+  if (!status) status = msim_sim_energy(*sim, &e);
+  if (!status) status = msim_sim_save(*sim, bytes, sizeof bytes, &length, why);
+  if (!status) status = msim_sim_load(*sim, bytes, length, why);
+  if (!status) status = msim_sim_state(*sim, &now);
+  return status ? status : msim_sim_set_gravity(*sim, g, why);
+}
+
+static const char *check_failure(msim_comm *inner, void *data) {
+  failure_case *k = data;
+  const int fails = inner->rank == k->rank;
+  failing_comm failing = failing_comm_of(inner, fails && k->of_calls ? k->fail_at : -1);
+  const msim_comm *comm = &failing.table;
+  counting_allocator count = {.fail_at = -1};
+  msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free, &count};
+  msim_scene *scene = draw_scene(&alloc, k->seed);
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  EXPECT(scene);
+  failing.table.self = &failing;
+  opt.comm = comm, opt.threads = 1;
+  const int64_t before = count.live;
+  if (fails && !k->of_calls) count.fail_at = count.calls + k->fail_at;
+  const msim_status status = use_parts(scene, &opt, &sim, &why);
+  const int64_t made = k->of_calls ? failing.calls : count.calls;
+  const int has_failed = count.fail_at >= 0 ? made > count.fail_at : made > k->fail_at;
+  count.fail_at = -1;
+  EXPECT(!status || status == (k->of_calls ? MSIM_ERR_BACKEND : MSIM_ERR_MEMORY));
+  EXPECT(!sim || k->of_calls || msim_sim_step(sim, 2, &why) == MSIM_OK);
+  if (fails && !has_failed) k->succeeded = 1;
+  msim_sim_destroy(sim);
+  EXPECT(count.live == before);
+  msim_scene_destroy(scene);
+  return NULL;
+}
+
+static void check_failures(int of_calls, int64_t least) {
+  for (int32_t rank = 0; rank < 3; rank++)
+    for (unsigned seed = 5; seed < 7; seed++) {
+      failure_case k = {.seed = seed, .rank = rank, .of_calls = of_calls};
+      for (; !k.succeeded; k.fail_at++) {
+        const char *wrong = run_ranks(3, check_failure, &k);
+        if (wrong) fail_msg("rank %d, failure %d: %s", rank, (int)k.fail_at, wrong);
+      }
+      assert_true(k.fail_at > least);
+    }
+}
+
+static void failures_of_one_rank_are_those_of_all(void **state) {
+  (void)state;
+  check_failures(0, 150);
+  check_failures(1, 60);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(scenes_are_gathered_as_they_were),
+      cmocka_unit_test(parts_have_checkpoints_and_energies_of_one_process),
+      cmocka_unit_test(errors_have_numbers_of_the_whole_scene),
+      cmocka_unit_test(failures_of_one_rank_are_those_of_all),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
