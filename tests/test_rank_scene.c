@@ -1,4 +1,4 @@
-/* Tests of what ranks keep of a scene: the whole one is gathered as it was, bit by bit, sums, frames
+/* Tests of what ranks keep of a scene: the whole one is gathered as it was, bit by bit, energies
  * and checkpoints of parts are those of one process, errors name particles and springs by their
  * numbers in the whole scene, and a failure of memory or communication is one of all ranks. */
 #include "counting_allocator.h"

@@ -136,10 +136,10 @@ struct msim_recorder_type {
   int32_t open_ended;
 
   /* Several ranks write one file: all four, or none. Rank 0 opens or resumes it; then the others
-   * join(), for which `times` and `scene` are NULL. After begin() on rank 0 all ranks write their
-   * parts of a frame; then commit() on rank 0 writes all else. It has its part once more, and the
-   * sums, modulo 2^64, of the hashes that write_part() has returned. The other ranks write nothing
-   * else. */
+   * join(), for which `times`, `scene` and the arrays of particles, springs and faces are NULL.
+   * After begin() on rank 0 all ranks write their parts of a frame; then commit() on rank 0 writes
+   * all else. It has its part once more, and the sums, modulo 2^64, of the hashes that write_part()
+   * has returned. The other ranks write nothing else. */
   msim_status (*join)(const msim_host *host, const msim_recording *what, void **self);
   msim_status (*begin)(void *self);
   msim_status (*write_part)(void *self, const msim_frame *frame, const msim_frame_part *part,

@@ -18,6 +18,7 @@
 
 struct msim_recorder {
   msim_sim *sim;
+  ms_scene *scene; /* while the file is opened: the whole one, with arrays on rank 0 */
   const msim_recorder_type *type;
   void *self; /* NULL: closed, or on another rank than 0 that writes no rows */
   ms_plugin_host host;
@@ -93,25 +94,18 @@ static void free_recording_plan(const msim_recorder *r, recording_plan *a) {
   ms_text_free(&a->scene);
 }
 
-/* All but times and scene */
+/* What all ranks have: all but times, scene, and arrays of particles, springs and faces */
 static msim_recording describe_recording(const msim_recorder *r, int64_t nframes) {
-  const ms_scene *scene = r->sim->scene;
+  const ms_scene *scene = r->scene;
   msim_recording what = {.size = sizeof what,
                          .path = r->file.path,
                          .name = r->file.path,
                          .n = scene->nparticles,
                          .nsprings = scene->nsprings,
-                         .ij = scene->ij,
-                         .mass = scene->mass,
-                         .k = scene->k,
-                         .rest = scene->rest,
                          .nframes = nframes,
                          .checkpoint_capacity = r->capacity,
                          .sync = r->sim->config.opt.sync,
-                         .pinned = scene->pinned,
-                         .damping = scene->damping,
                          .nfaces = scene->nfaces,
-                         .faces = scene->faces,
                          .nplanes = scene->nplanes,
                          .planes = scene->planes,
                          .title = scene->name,
@@ -121,15 +115,22 @@ static msim_recording describe_recording(const msim_recorder *r, int64_t nframes
   return what;
 }
 
+static void add_arrays(const ms_scene *scene, msim_recording *what) {
+  what->ij = scene->ij, what->k = scene->k, what->rest = scene->rest;
+  what->damping = scene->damping, what->faces = scene->faces;
+  what->mass = scene->mass, what->pinned = scene->pinned;
+}
+
 static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a, msim_error *err) {
   int64_t nframes;
   *a = (recording_plan){.scene = {.alloc = &r->sim->alloc}};
   msim_status status = count_frames(r, &nframes, err);
   if (status) return status;
   a->times = plan_times(r->sim, nframes);
-  status = a->times ? ms_scene_write_json(r->sim->scene, &a->scene, err)
+  status = a->times ? ms_scene_write_json(r->scene, &a->scene, err)
                     : ms_error_set_memory(err, "the times of the frames");
   a->what = describe_recording(r, nframes);
+  add_arrays(r->scene, &a->what);
   a->what.times = a->times, a->what.scene = a->scene.data, a->what.scene_length = a->scene.length;
   if (status) free_recording_plan(r, a);
   return status;
@@ -271,13 +272,33 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   ms_plugin_init_host(&r->host, &sim->alloc);
   if (!MS_NEW(&sim->alloc, r->poses, 6 * (size_t)sim->scene->ncolliders))
     return ms_error_set_memory(err, "a recorder");
-  status = ms_rank_frames_init(&r->frames, type, sim, err);
-  const ms_section section = r->frames.ranks
-                                 ? ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n)
-                                 : ms_section_whole(sim->scene);
-  if (!status && (r->frames.ranks || has_file(sim)))
-    status = ms_strain_init(&r->strain, sim->scene, &section, has_file(sim), &sim->alloc, err);
-  if (status || !MS_RECORDERS_HAS(type, resume) || (sim->ranks && !r->frames.ranks)) return status;
+  return ms_rank_frames_init(&r->frames, type, sim, err);
+}
+
+/* The section of this rank if ranks write rows; else rank 0 has all rows. Collective */
+static msim_status provide_section(const msim_recorder *r, msim_error *err) {
+  return r->frames.ranks ? ms_rank_section_create(r->sim, err) : ms_rank_scene_gather(r->sim, err);
+}
+
+/* x and v: of its rows; NULL: of none yet */
+static ms_strain_section find_section(const msim_recorder *r, const double *x, const double *v) {
+  msim_sim *sim = r->sim;
+  const ms_section all = ms_section_whole(sim->scene);
+  if (!r->frames.ranks) return (ms_strain_section){all, sim->scene, all, x, v};
+  return (ms_strain_section){sim->section->is, ms_rank_section_scene(sim),
+                             ms_rank_section_numbers(sim), x, v};
+}
+
+/* What a frame has beside the state */
+static msim_status allocate_frame(msim_recorder *r, msim_error *err) {
+  msim_sim *sim = r->sim;
+  const ms_strain_section section = find_section(r, NULL, NULL);
+  msim_status status = MSIM_OK;
+  if (r->frames.ranks || has_file(sim))
+    status = ms_strain_init(&r->strain, &section, ms_rank_scene_count_particles(sim), has_file(sim),
+                            &sim->alloc, err);
+  if (status || !MS_RECORDERS_HAS(r->type, resume) || (sim->ranks && !r->frames.ranks))
+    return status;
   r->capacity = msim_sim_save_size(sim);
   r->part_capacity = ms_checkpoint_part_capacity(sim);
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->part_capacity, 1);
@@ -302,24 +323,15 @@ static msim_status open_file(msim_recorder *r, const char *path, int how, msim_r
                        : open_new_trajectory(r, path, how == REPLACE, err);
 }
 
-/* With the whole scene */
-static msim_status open_whole(msim_sim *sim, const char *path, int how, msim_recorder **recorder,
-                              msim_error *err) {
-  msim_recorder *r = NULL;
-  msim_resumption from = {.size = sizeof from};
-  msim_status status = create_recorder(sim, path, &r, err);
-  if (!status) status = open_file(r, path, how, &from, err);
-  status = ms_ranks_agree(sim->ranks, status, err);
-  if (!status && r->frames.ranks) status = ms_ranks_agree(sim->ranks, join_file(r, err), err);
-  if (!status && r->frames.ranks) status = ms_rank_section_create(sim, err);
-  if (!status && how == RESUME)
-    status = ms_ranks_agree(sim->ranks, continue_run(r, &from, err), err);
-  if (!status) {
-    *recorder = r;
-    return ms_error_clear(err);
-  }
-  if (r && r->self) r->type->close(r->self);
-  destroy_recorder(r);
+/* With a whole scene, of which rank 0 writes what all frames share */
+static msim_status open_with_scene(msim_recorder *r, const char *path, int how,
+                                   msim_resumption *from, msim_error *err) {
+  ms_ranks *ranks = r->sim->ranks;
+  msim_status status = ms_rank_scene_borrow(r->sim, &r->scene, err);
+  if (!status) status = ms_ranks_agree(ranks, open_file(r, path, how, from, err), err);
+  if (!status && r->frames.ranks) status = ms_ranks_agree(ranks, join_file(r, err), err);
+  ms_rank_scene_return(r->sim, r->scene);
+  r->scene = NULL;
   return status;
 }
 
@@ -328,12 +340,22 @@ static msim_status open_at(msim_sim *sim, const char *path, int how, msim_record
   if (!sim || !path || !recorder)
     return ms_error_set(err, MSIM_ERR_ARG, "sim, path or recorder is NULL");
   const double start = ms_clock_now();
-  const int is_divided = sim->kept != NULL;
   *recorder = NULL;
-  msim_status status = ms_rank_scene_gather(sim, err);
-  if (!status) status = open_whole(sim, path, how, recorder, err);
-  if (is_divided) ms_rank_scene_divide(sim, NULL);
+  msim_recorder *r = NULL;
+  msim_resumption from = {.size = sizeof from};
+  msim_status status = ms_ranks_agree(sim->ranks, create_recorder(sim, path, &r, err), err);
+  if (!status) status = provide_section(r, err);
+  if (!status) status = ms_ranks_agree(sim->ranks, allocate_frame(r, err), err);
+  if (!status) status = open_with_scene(r, path, how, &from, err);
+  if (!status && how == RESUME)
+    status = ms_ranks_agree(sim->ranks, continue_run(r, &from, err), err);
   ms_sim_count_output(sim, ms_clock_now() - start);
+  if (!status) {
+    *recorder = r;
+    return ms_error_clear(err);
+  }
+  if (r && r->self) r->type->close(r->self);
+  destroy_recorder(r);
   return status;
 }
 
@@ -384,23 +406,23 @@ typedef struct frame_state {
 } frame_state;
 
 /* Where rank 0 writes all rows, it needs the state of the whole scene, which all ranks gather. */
-static msim_status get_whole_state(msim_sim *sim, frame_state *s, msim_error *err) {
+static msim_status get_whole_state(const msim_recorder *r, frame_state *s, msim_error *err) {
+  msim_sim *sim = r->sim;
   msim_state whole = {.size = sizeof whole};
   msim_status status = ms_sim_provide_arrays(sim, err);
   if (!status && sim->part) status = ms_rank_section_create(sim, err);
   if (status) return status;
   msim_sim_state(sim, &whole);
   msim_sim_energy(sim, &s->energy);
-  const ms_section all = ms_section_whole(sim->scene);
-  s->section = (ms_strain_section){all, sim->scene, all, whole.x, whole.v};
+  s->section = find_section(r, whole.x, whole.v);
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
 
-static msim_status get_section_state(msim_sim *sim, frame_state *s, msim_error *err) {
+static msim_status get_section_state(const msim_recorder *r, frame_state *s, msim_error *err) {
+  msim_sim *sim = r->sim;
   const msim_status status = ms_sim_update_section(sim, err);
   if (status) return status;
-  s->section = (ms_strain_section){sim->section->is, ms_rank_section_scene(sim),
-                                   ms_rank_section_numbers(sim), sim->section->x, sim->section->v};
+  s->section = find_section(r, sim->section->x, sim->section->v);
   s->energy = ms_rank_section_sum_energy(sim);
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
@@ -456,8 +478,8 @@ msim_status msim_recorder_write(msim_recorder *recorder, msim_error *err) {
   if (sim->run.step == recorder->step_kept && ms_sim_time(sim) == recorder->t_kept)
     return ms_error_clear(err);
   frame_state state = {.energy.size = sizeof state.energy};
-  status = recorder->frames.ranks ? get_section_state(sim, &state, err)
-                                  : get_whole_state(sim, &state, err);
+  status = recorder->frames.ranks ? get_section_state(recorder, &state, err)
+                                  : get_whole_state(recorder, &state, err);
   if (!status) status = record_state(recorder, &state, err);
   ms_sim_count_output(sim, ms_clock_now() - start);
   return status;

@@ -10,43 +10,54 @@
 
 /*------------------------------------- springs of the faces -------------------------------------*/
 
-/* Hash table of springs by their ends; entries hold the number of a spring + 1, or 0. */
+/* Hash table of springs by their ends; entries hold the row of a spring in a section + 1, or 0. */
 typedef struct spring_table {
-  const int32_t *ij;
+  const ms_strain_section *section;
   int32_t *entries;
   size_t mask; /* number of entries - 1, which is a power of 2 less 1 */
 } spring_table;
+
+static const int32_t *get_ends(const ms_strain_section *section, int32_t row) {
+  return section->scene->ij + 2 * (size_t)ms_section_spring(&section->numbers, row);
+}
 
 /* The entry of a spring between two particles, or the empty one where it belongs */
 static int32_t *find_entry(const spring_table *t, int32_t a, int32_t b) {
   const uint32_t low = (uint32_t)(a < b ? a : b), high = (uint32_t)(a < b ? b : a);
   size_t i = (size_t)((((uint64_t)high << 32 | low) * 0x9e3779b97f4a7c15u) >> 20) & t->mask;
   for (; t->entries[i]; i = (i + 1) & t->mask) {
-    const int32_t *ends = t->ij + 2 * (size_t)(t->entries[i] - 1);
+    const int32_t *ends = get_ends(t->section, t->entries[i] - 1);
     if ((ends[0] == a && ends[1] == b) || (ends[0] == b && ends[1] == a)) break;
   }
   return &t->entries[i];
 }
 
-/* The first one counts where several springs have the same ends. */
-static int fill_table(spring_table *t, int32_t nsprings, const msim_allocator *alloc) {
+/* The spring with the lowest number counts where several have the same ends. */
+static void add_spring(spring_table *t, int32_t row) {
+  const ms_section *is = &t->section->is;
+  const int32_t *ends = get_ends(t->section, row);
+  int32_t *entry = find_entry(t, ends[0], ends[1]);
+  if (!*entry || ms_section_spring(is, row) < ms_section_spring(is, *entry - 1)) *entry = row + 1;
+}
+
+static int fill_table(spring_table *t, const msim_allocator *alloc) {
+  const int32_t n = t->section->is.nsprings + t->section->is.nother_springs;
   size_t size = 1;
-  while (size < 2 * (size_t)nsprings + 1) size *= 2;
+  while (size < 2 * (size_t)n + 1) size *= 2;
   t->mask = size - 1;
   if (!MS_NEW(alloc, t->entries, size)) return 0;
-  for (int32_t k = 0; k < nsprings; k++) {
-    int32_t *entry = find_entry(t, t->ij[2 * (size_t)k], t->ij[2 * (size_t)k + 1]);
-    if (!*entry) *entry = k + 1;
-  }
+  for (int32_t row = 0; row < n; row++) add_spring(t, row);
   return 1;
 }
 
-static void find_edges(ms_strain *s, const ms_scene *scene, const ms_section *section,
-                       const spring_table *t) {
-  for (int64_t i = 0; i < section->nfaces; i++) {
-    const int32_t *corner = scene->faces + 3 * (section->first_face + i);
-    for (int c = 0; c < 3; c++)
-      s->edge[3 * i + c] = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
+static void find_edges(ms_strain *s, const spring_table *t) {
+  const ms_strain_section *of = t->section;
+  for (int64_t i = 0; i < of->is.nfaces; i++) {
+    const int32_t *corner = of->scene->faces + 3 * (of->numbers.first_face + i);
+    for (int c = 0; c < 3; c++) {
+      const int32_t row = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
+      s->edge[3 * i + c] = row < 0 ? -1 : ms_section_spring(&of->is, row);
+    }
   }
 }
 
@@ -56,18 +67,18 @@ static int has_pins(const ms_scene *scene) {
   return 0;
 }
 
-msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const ms_section *section,
+msim_status ms_strain_init(ms_strain *s, const ms_strain_section *section, int32_t nparticles,
                            int reactions, const msim_allocator *alloc, msim_error *err) {
-  spring_table table = {.ij = scene->ij};
-  const size_t ncells = (size_t)ms_section_count_cells(section);
-  const int has_reactions = reactions && has_pins(scene);
-  *s = (ms_strain){.nparticles = (size_t)scene->nparticles};
-  if (!MS_NEW(alloc, s->edge, 3 * (size_t)section->nfaces) || !MS_NEW(alloc, s->strain, ncells) ||
-      !MS_NEW(alloc, s->tension, ncells) ||
-      (has_reactions && !MS_NEW(alloc, s->reaction, 3 * (size_t)scene->nparticles)) ||
-      (section->nfaces > 0 && !fill_table(&table, scene->nsprings, alloc)))
+  spring_table table = {.section = section};
+  const size_t ncells = (size_t)ms_section_count_cells(&section->is);
+  const int has_reactions = reactions && has_pins(section->scene);
+  *s = (ms_strain){.nparticles = (size_t)nparticles};
+  if (!MS_NEW(alloc, s->edge, 3 * (size_t)section->is.nfaces) ||
+      !MS_NEW(alloc, s->strain, ncells) || !MS_NEW(alloc, s->tension, ncells) ||
+      (has_reactions && !MS_NEW(alloc, s->reaction, 3 * s->nparticles)) ||
+      (section->is.nfaces > 0 && !fill_table(&table, alloc)))
     return ms_error_set_memory(err, "the strain of a frame");
-  find_edges(s, scene, section, &table);
+  find_edges(s, &table);
   ms_memory_free(alloc, table.entries);
   return MSIM_OK;
 }

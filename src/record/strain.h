@@ -18,21 +18,22 @@ typedef struct ms_strain {
   size_t rows;   /* of `exact` */
 } ms_strain;
 
-/* For the cells of a section. reactions: 1 to compute those, too, if particles are pinned. Call
- * ms_strain_free always. */
-msim_status ms_strain_init(ms_strain *s, const ms_scene *scene, const ms_section *section,
-                           int reactions, const msim_allocator *alloc, msim_error *err);
-
-/* A section with the same cells, its other springs, and with reactions the ends of all springs and
+/* A section of a scene with its other springs, and with reactions the ends of all springs and
  * angular springs at pinned particles */
 typedef struct ms_strain_section {
   ms_section is;
-  const ms_scene *scene; /* has all of it: the scene of ms_strain_init, or a slice of that */
+  const ms_scene *scene; /* has all of it: the whole scene, or a slice of it */
   ms_section numbers;    /* the section in the numbers of this scene */
   const double *x, *v;   /* of its rows */
 } ms_strain_section;
 
-/* Fails for want of memory only where the section has more rows than before. */
+/* For the cells of a section; x and v are not used. nparticles: of the whole scene. reactions: 1 to
+ * compute those, too, if particles are pinned. Call ms_strain_free always. */
+msim_status ms_strain_init(ms_strain *s, const ms_strain_section *section, int32_t nparticles,
+                           int reactions, const msim_allocator *alloc, msim_error *err);
+
+/* Of a section with the same cells. Fails for want of memory only where it has more rows than
+ * before. */
 msim_status ms_strain_compute(ms_strain *s, const ms_strain_section *section,
                               const msim_allocator *alloc, msim_error *err);
 void ms_strain_free(ms_strain *s, const msim_allocator *alloc);

@@ -85,11 +85,8 @@ static msim_status provide_state(msim_sim *sim) {
 
 /* Pinned particles, and the axis left out, are as in the scene. */
 msim_status ms_sim_update_section(msim_sim *sim, msim_error *err) {
-  const int divides = sim->kept && !sim->section;
+  const msim_status status = ms_rank_section_create(sim, err);
   const double *x, *v;
-  msim_status status = divides ? ms_rank_scene_gather(sim, err) : MSIM_OK;
-  if (!status) status = ms_rank_section_create(sim, err);
-  if (divides) ms_rank_scene_divide(sim, NULL);
   if (status) return status;
   if (sim->state_x) {
     update_state_arrays(sim);

@@ -1,5 +1,7 @@
 #include "sim/rank_scene.h"
 
+#include <string.h>
+
 #include "scene/scene_data.h"
 #include "sim/rank_section.h"
 #include "sim/reuse.h"
@@ -74,6 +76,16 @@ static int cut_rows(const msim_sim *sim, ms_rank_scene *kept, int32_t *particle,
   return kept->slice->source != NULL;
 }
 
+/* The slice has other particles and springs, too. */
+static void set_rows(ms_rank_scene *kept, ms_scene *slice, const ms_section *is) {
+  kept->slice = slice, kept->is = *is, kept->has_rows = 1;
+  kept->rows = (ms_section){.n = is->n,
+                            .nsprings = is->nsprings,
+                            .nfaces = is->nfaces,
+                            .nothers = is->nothers,
+                            .nother_springs = is->nother_springs};
+}
+
 static int cut_slice(const msim_sim *sim, ms_rank_scene *kept) {
   const msim_allocator *alloc = &sim->alloc;
   int32_t *particle = NULL, *spring = NULL, *place = NULL;
@@ -86,11 +98,7 @@ static int cut_slice(const msim_sim *sim, ms_rank_scene *kept) {
                    (!kept->has_rows || MS_NEW(alloc, place, sim->scene->nparticles)) &&
                    cut_rows(sim, kept, particle, spring, place);
   MS_FREE(alloc, particle, spring, place);
-  kept->rows = (ms_section){.n = is->n,
-                            .nsprings = is->nsprings,
-                            .nfaces = is->nfaces,
-                            .nothers = is->nothers,
-                            .nother_springs = is->nother_springs};
+  if (kept->has_rows) set_rows(kept, kept->slice, is);
   return fits;
 }
 
@@ -132,71 +140,202 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err) {
 
 /*------------------------------------- gathering ------------------------------------------------*/
 
-/* Which of its elements the section of a rank has */
-enum { PARTICLES, SPRINGS, FACES };
+enum { ALL_RANKS = -1, MOST_FIELDS = 10 };
 
-static int64_t count_in_section(const ms_section *s, int what) {
-  return what == PARTICLES ? s->n : what == SPRINGS ? s->nsprings : s->nfaces;
-}
+/* An array of a scene */
+typedef enum element { PARTICLES, SPRINGS, FACES } element;
+typedef enum content { NUMBERS, PINS, VALUES } content; /* NUMBERS: of particles */
+typedef struct field {
+  element of;
+  size_t size; /* bytes an element */
+  void *data;
+  content content;
+} field;
 
-static void gather_array(const msim_sim *sim, const ms_scene *whole, int what, size_t size,
-                         const void *mine, void *all) {
-  int64_t *bytes = sim->part->send_bytes;
-  for (int32_t r = 0; r < sim->ranks->n; r++) {
-    const ms_section s = ms_section_of_rank(whole, r, sim->ranks->n);
-    bytes[r] = count_in_section(&s, what) * (int64_t)size;
-  }
-  ms_ranks_gather_parts(sim->ranks, bytes, mine, all);
-}
-
-/* n particles of springs or faces of the slice, by their numbers in the whole scene */
-static const int32_t *number_ends(const ms_rank_scene *kept, int64_t n, const int32_t *end,
-                                  int32_t *scratch) {
-  for (int64_t i = 0; i < n && kept->has_rows; i++)
-    scratch[i] = ms_section_particle(&kept->is, (size_t)end[i]);
-  return kept->has_rows ? scratch : end;
-}
-
-static void gather_arrays(const msim_sim *sim, ms_scene *to, int32_t *scratch) {
-  const ms_rank_scene *kept = sim->kept;
-  const ms_scene *s = kept->slice;
+/* The same ones for a slice and the whole scene; returns their number. */
+static int list_fields(const ms_scene *s, field f[MOST_FIELDS]) {
   const size_t real = sizeof(double), number = sizeof(int32_t);
-  gather_array(sim, to, PARTICLES, 3 * real, s->x, to->x);
-  gather_array(sim, to, PARTICLES, 3 * real, s->v, to->v);
-  gather_array(sim, to, PARTICLES, real, s->mass, to->mass);
-  gather_array(sim, to, PARTICLES, 1, s->pinned, to->pinned);
-  if (s->force) gather_array(sim, to, PARTICLES, 3 * real, s->force, to->force);
-  gather_array(sim, to, SPRINGS, 2 * number,
-               number_ends(kept, 2 * (int64_t)kept->is.nsprings, s->ij, scratch), to->ij);
-  gather_array(sim, to, SPRINGS, real, s->k, to->k);
-  gather_array(sim, to, SPRINGS, real, s->rest, to->rest);
-  gather_array(sim, to, SPRINGS, real, s->damping, to->damping);
-  gather_array(sim, to, FACES, 3 * number,
-               number_ends(kept, 3 * (int64_t)kept->is.nfaces, s->faces, scratch), to->faces);
+  const field list[MOST_FIELDS] = {
+      {SPRINGS, 2 * number, s->ij, NUMBERS}, {FACES, 3 * number, s->faces, NUMBERS},
+      {PARTICLES, 1, s->pinned, PINS},       {PARTICLES, 3 * real, s->x, VALUES},
+      {PARTICLES, 3 * real, s->v, VALUES},   {PARTICLES, real, s->mass, VALUES},
+      {SPRINGS, real, s->k, VALUES},         {SPRINGS, real, s->rest, VALUES},
+      {SPRINGS, real, s->damping, VALUES},   {PARTICLES, 3 * real, s->force, VALUES}};
+  memcpy(f, list, sizeof list);
+  return s->force ? MOST_FIELDS : MOST_FIELDS - 1;
+}
+
+static int64_t count_elements(const ms_section *s, element of) {
+  return of == PARTICLES ? s->n : of == SPRINGS ? s->nsprings : s->nfaces;
+}
+
+/* Numbers of particles in the slice become those in the whole scene. */
+static const void *number_ends(const ms_rank_scene *kept, const field *f, int32_t *scratch) {
+  const int64_t n = count_elements(&kept->is, f->of) * (int64_t)(f->size / sizeof *scratch);
+  const int32_t *end = f->data;
+  if (!kept->has_rows || f->content != NUMBERS) return end;
+  for (int64_t i = 0; i < n; i++) scratch[i] = ms_section_particle(&kept->is, (size_t)end[i]);
+  return scratch;
+}
+
+/* The sections of an array of all ranks, to all of them or to one. whole: has the counts of the
+ * whole scene; scratch: room for the ends of own springs or faces */
+static void gather_field(const msim_sim *sim, const ms_scene *whole, int32_t root, const field *f,
+                         int32_t *scratch, void *all) {
+  const ms_rank_part *part = sim->part;
+  const int32_t n = sim->ranks->n, rank = sim->ranks->rank;
+  const void *mine = number_ends(sim->kept, f, scratch);
+  for (int32_t r = 0; r < n; r++) {
+    const ms_section s = ms_section_of_rank(whole, r, n);
+    const int64_t bytes = count_elements(&s, f->of) * (int64_t)f->size;
+    part->receive_bytes[r] = root == ALL_RANKS || rank == root ? bytes : 0;
+    part->next[r] = bytes;
+  }
+  if (root == ALL_RANKS) {
+    ms_ranks_gather_parts(sim->ranks, part->receive_bytes, mine, all);
+    return;
+  }
+  for (int32_t r = 0; r < n; r++) part->send_bytes[r] = r == root ? part->next[rank] : 0;
+  ms_ranks_all_to_all(sim->ranks, part->send_bytes, mine, part->receive_bytes, all);
+}
+
+/* Of the first n fields, to a scene that has the counts of the whole one, and on `root` room for
+ * them, if `fits`. Collective */
+static msim_status gather_fields(const msim_sim *sim, int32_t root, int n, ms_scene *to, int fits,
+                                 msim_error *err) {
+  const ms_section *is = &sim->kept->is;
+  const int64_t ends = 2 * (int64_t)is->nsprings, corners = 3 * (int64_t)is->nfaces;
+  field mine[MOST_FIELDS], all[MOST_FIELDS];
+  int32_t *scratch = NULL;
+  fits = fits && MS_NEW(&sim->alloc, scratch, ends > corners ? ends : corners);
+  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the whole scene");
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (!status) {
+    const int count = list_fields(sim->kept->slice, mine);
+    list_fields(to, all);
+    for (int i = 0; i < n && i < count; i++)
+      gather_field(sim, to, root, &mine[i], scratch, all[i].data);
+    status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
+  }
+  ms_memory_free(&sim->alloc, scratch);
+  return status;
+}
+
+static ms_scene *create_whole(const ms_rank_scene *kept) {
+  return ms_scene_data_create_like(kept->slice, kept->nparticles, kept->nsprings, kept->nfaces,
+                                   NULL);
+}
+
+/* The same without arrays */
+static ms_scene *create_counts(const ms_rank_scene *kept) {
+  ms_scene *s = ms_scene_data_create_like(kept->slice, 0, 0, 0, NULL);
+  if (s) s->nparticles = kept->nparticles, s->nsprings = kept->nsprings, s->nfaces = kept->nfaces;
+  return s;
+}
+
+static void move_source(ms_scene *from, ms_scene *to) {
+  to->source = from->source, from->source = NULL;
 }
 
 msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err) {
   ms_rank_scene *kept = sim->kept;
   if (!kept) return MSIM_OK;
-  const int64_t nends = 2 * (int64_t)kept->is.nsprings + 3 * (int64_t)kept->is.nfaces;
-  int32_t *scratch = NULL;
-  ms_scene *whole =
-      ms_scene_data_create_like(kept->slice, kept->nparticles, kept->nsprings, kept->nfaces, NULL);
-  const int fits = whole && MS_NEW(&sim->alloc, scratch, nends);
-  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the whole scene");
-  status = ms_ranks_agree(sim->ranks, status, err);
-  if (!status) {
-    gather_arrays(sim, whole, scratch);
-    status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
-  }
-  ms_memory_free(&sim->alloc, scratch);
+  ms_scene *whole = create_whole(kept);
+  const msim_status status = gather_fields(sim, ALL_RANKS, MOST_FIELDS, whole, whole != NULL, err);
   if (status) {
     ms_scene_release(whole);
     return status;
   }
-  whole->source = kept->slice->source, kept->slice->source = NULL;
+  move_source(kept->slice, whole);
   set_scene(sim, whole, &(ms_edit_map){.particle = kept->particle, .spring = kept->spring});
   sim->kept = NULL;
   ms_rank_scene_destroy(&sim->alloc, kept);
+  return MSIM_OK;
+}
+
+msim_status ms_rank_scene_borrow(const msim_sim *sim, ms_scene **whole, msim_error *err) {
+  const ms_rank_scene *kept = sim->kept;
+  if (!kept) *whole = ms_scene_retain(sim->scene);
+  if (!kept) return MSIM_OK;
+  *whole = sim->ranks->rank == 0 ? create_whole(kept) : create_counts(kept);
+  const msim_status status = gather_fields(sim, 0, MOST_FIELDS, *whole, *whole != NULL, err);
+  if (!status) move_source(kept->slice, *whole);
+  return status;
+}
+
+void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole) {
+  if (whole && sim->kept && whole->source) move_source(whole, sim->kept->slice);
+  ms_scene_release(whole);
+}
+
+/*------------------------------------- other rows -----------------------------------------------*/
+
+msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topology,
+                                          msim_error *err) {
+  const ms_rank_scene *kept = sim->kept;
+  if (!kept) *topology = ms_scene_retain(sim->scene);
+  if (!kept) return MSIM_OK;
+  ms_scene *s = *topology = create_counts(kept);
+  const int fits = s && MS_NEW(&s->alloc, s->ij, 2 * (size_t)kept->nsprings) &&
+                   MS_NEW(&s->alloc, s->faces, 3 * (size_t)kept->nfaces) &&
+                   MS_NEW(&s->alloc, s->pinned, kept->nparticles);
+  return gather_fields(sim, ALL_RANKS, PINS + 1, s, fits, err);
+}
+
+/* What the section has of an array of the whole scene */
+static void pick_rows(const ms_section *is, const field *f, const unsigned char *all, int32_t n) {
+  unsigned char *to = f->data;
+  for (int32_t i = 0; i < n; i++) {
+    const int32_t from =
+        f->of == PARTICLES ? ms_section_particle(is, (size_t)i) : ms_section_spring(is, i);
+    memcpy(to + (size_t)i * f->size, all + (size_t)from * f->size, f->size);
+  }
+}
+
+static void number_rows(const ms_section *is, int64_t n, int32_t *end) {
+  for (int64_t i = 0; i < n; i++) end[i] = (int32_t)ms_section_row(is, end[i]);
+}
+
+/* all: room for any array of the whole scene */
+static void fill_rows(const msim_sim *sim, const ms_section *is, const ms_scene *topology,
+                      unsigned char *all, ms_scene *slice) {
+  const ms_rank_scene *kept = sim->kept;
+  field mine[MOST_FIELDS], to[MOST_FIELDS];
+  const int count = list_fields(kept->slice, mine);
+  list_fields(slice, to);
+  for (int i = 0; i < count; i++) {
+    if (mine[i].of == FACES) continue;
+    gather_field(sim, topology, ALL_RANKS, &mine[i], NULL, all);
+    pick_rows(is, &to[i], all, to[i].of == PARTICLES ? slice->nparticles : slice->nsprings);
+  }
+  if (slice->nfaces) memcpy(slice->faces, kept->slice->faces, 3 * (size_t)slice->nfaces * 4);
+  number_rows(is, 3 * (int64_t)slice->nfaces, slice->faces);
+  number_rows(is, 2 * (int64_t)slice->nsprings, slice->ij);
+}
+
+msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *is, const ms_scene *topology,
+                                 msim_error *err) {
+  ms_rank_scene *kept = sim->kept;
+  if (!kept) return MSIM_OK;
+  unsigned char *all = NULL;
+  const size_t particles = 3 * sizeof(double) * (size_t)kept->nparticles,
+               springs = 2 * sizeof(int32_t) * (size_t)kept->nsprings;
+  ms_scene *slice = ms_scene_data_create_like(kept->slice, is->n + is->nothers,
+                                              is->nsprings + is->nother_springs, is->nfaces, NULL);
+  const int fits = slice && MS_NEW(&sim->alloc, all, particles > springs ? particles : springs);
+  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame");
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (!status) {
+    fill_rows(sim, is, topology, all, slice);
+    status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
+  }
+  ms_memory_free(&sim->alloc, all);
+  if (status) {
+    ms_scene_release(slice);
+    return status;
+  }
+  move_source(kept->slice, slice);
+  ms_scene_release(kept->slice);
+  set_rows(kept, slice, is);
   return MSIM_OK;
 }

@@ -28,6 +28,21 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err);
 /* Have the whole scene again. Collective; on failure nothing changes. */
 msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err);
 
+/* The whole scene for a moment: rank 0 has its arrays, the others what is not divided. Collective;
+ * give it back, also after an error. */
+msim_status ms_rank_scene_borrow(const msim_sim *sim, ms_scene **whole, msim_error *err);
+void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole);
+
+/* The whole scene with ij, faces and pins only, on all ranks; to be released, also after an error.
+ * Collective */
+msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topology,
+                                          msim_error *err);
+
+/* Let the slice have the other particles and springs of a section, too. Collective; on failure
+ * nothing changes. */
+msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *section, const ms_scene *topology,
+                                 msim_error *err);
+
 void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
 
 /* Of the whole scene, and the number in it of a particle or spring of the model */

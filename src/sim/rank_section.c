@@ -27,9 +27,8 @@ static int list_marked(const msim_allocator *alloc, int32_t n, const uint8_t *ma
 }
 
 /* Only the first rank writes reactions. */
-static int list_others(const msim_sim *sim, ms_rank_section *s) {
+static int list_others(const msim_sim *sim, const ms_scene *scene, ms_rank_section *s) {
   const msim_allocator *alloc = &sim->alloc;
-  const ms_scene *scene = sim->scene;
   const int with_pins = sim->ranks->rank == 0;
   uint8_t *mark = NULL, *mark_spring = NULL, *corner = NULL;
   int fits = MS_NEW(alloc, mark, scene->nparticles) != NULL;
@@ -56,11 +55,12 @@ static int sort_rows(const msim_sim *sim, ms_rank_section *s) {
   return fits;
 }
 
-static int list_wanted(const msim_sim *sim, ms_rank_section *s, requests *q) {
+static int list_wanted(const msim_sim *sim, const ms_scene *scene, ms_rank_section *s,
+                       requests *q) {
   const msim_allocator *alloc = &sim->alloc;
   const size_t n = (size_t)sim->ranks->n;
-  s->is = ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
-  if (!list_others(sim, s) || !sort_rows(sim, s)) return 0;
+  s->is = ms_section_of_rank(scene, sim->ranks->rank, sim->ranks->n);
+  if (!list_others(sim, scene, s) || !sort_rows(sim, s)) return 0;
   const int32_t rows = count_rows(s), nin = s->in.first[n];
   if (!MS_NEW(alloc, s->x, 3 * (size_t)rows) || !MS_NEW(alloc, s->v, 3 * (size_t)rows) ||
       !MS_NEW(alloc, s->send_bytes, n) || !MS_NEW(alloc, s->receive_bytes, n) ||
@@ -90,9 +90,11 @@ static int allocate_messages(const msim_sim *sim, ms_rank_section *s, requests *
 
 /* The scenes of all ranks are the same (ms_rank_sim_compare): they ask for own particles only. */
 static int find_unknowns(const msim_sim *sim, ms_rank_section *s, const requests *q) {
+  const ms_unknowns *rows = &sim->islands->model.unknowns;
   int32_t *row;
-  if (!MS_NEW(&sim->alloc, row, sim->scene->nparticles)) return 0;
-  ms_unknowns_find_rows(&sim->islands->model.unknowns, row);
+  if (!MS_NEW(&sim->alloc, row, ms_rank_scene_count_particles(sim))) return 0;
+  for (int32_t r = 0; r < rows->nfree; r++)
+    row[ms_rank_scene_get_particle(sim, rows->particle[r])] = r;
   for (int32_t k = 0; k < s->nout; k++) s->out[k] = row[q->out[k]];
   ms_memory_free(&sim->alloc, row);
   return 1;
@@ -103,9 +105,11 @@ static msim_status agree_on_memory(const msim_sim *sim, int fits, msim_error *er
   return ms_ranks_agree(sim->ranks, status, err);
 }
 
-static msim_status connect(msim_sim *sim, ms_rank_section *s, requests *q, msim_error *err) {
+/* scene: the topology of the whole one */
+static msim_status connect(msim_sim *sim, const ms_scene *scene, ms_rank_section *s, requests *q,
+                           msim_error *err) {
   ms_ranks *ranks = sim->ranks;
-  msim_status status = agree_on_memory(sim, s && list_wanted(sim, s, q), err);
+  msim_status status = agree_on_memory(sim, s && list_wanted(sim, scene, s, q), err);
   if (status) return status;
   ms_ranks_all_to_all(ranks, q->in_bytes, q->nin, q->in_bytes, q->nout);
   status = agree_on_memory(sim, ranks->failed || allocate_messages(sim, s, q), err);
@@ -117,10 +121,16 @@ static msim_status connect(msim_sim *sim, ms_rank_section *s, requests *q, msim_
 msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
   const msim_allocator *alloc = &sim->alloc;
   requests q = {0};
+  ms_scene *topology;
   if (sim->section) return MSIM_OK;
-  MS_NEW(alloc, sim->section, 1);
-  const msim_status status = connect(sim, sim->section, &q, err);
-  MS_FREE(alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
+  msim_status status = ms_rank_scene_gather_topology(sim, &topology, err);
+  if (!status) {
+    MS_NEW(alloc, sim->section, 1);
+    status = connect(sim, topology, sim->section, &q, err);
+    MS_FREE(alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
+  }
+  if (!status) status = ms_rank_scene_extend(sim, &sim->section->is, topology, err);
+  ms_scene_release(topology);
   if (status) ms_rank_section_destroy(sim);
   return status;
 }

@@ -21,8 +21,8 @@ typedef struct ms_rank_section {
   double *send, *receive;
 } ms_rank_section;
 
-/* Make the section of a rank that has the whole scene, unless it is there, in sim->section;
- * collective. It lasts as long as the islands. */
+/* Make the section of a rank, unless it is there, in sim->section; collective. It lasts as long as
+ * the islands. */
 msim_status ms_rank_section_create(msim_sim *sim, msim_error *err);
 void ms_rank_section_destroy(msim_sim *sim);
 
