@@ -12,7 +12,7 @@
 typedef struct ms_rank_rows {
   ms_archive_rows base; /* of the present island */
   ms_rank_part *part;
-  int32_t first;     /* of the island, in part->whole.particle */
+  int32_t first;     /* of the island, in the order of one process */
   int32_t own, nown; /* own rows of the island: the first one, and their number */
   /* nranks + 1: rank r writes the bytes from bounds[r] to bounds[r + 1]; NULL: none are written */
   const size_t *bounds;

@@ -22,7 +22,10 @@ static int create_scratch(const ms_scene *scene, ms_rank_part *part) {
     own += is_own(part, p) ? 1 : 0, all += part->owner[p] >= 0 ? 1 : 0;
     if (part->owner[p] >= 0) part->bytes[part->owner[p]] += (int64_t)sizeof(double);
   }
-  return MS_NEW(&scene->alloc, part->own, own + n) && MS_NEW(&scene->alloc, part->all, all);
+  part->most_received = (int32_t)(all / n) + 1;
+  return MS_NEW(&scene->alloc, part->own, own) && MS_NEW(&scene->alloc, part->all, all) &&
+         MS_NEW(&scene->alloc, part->send, own + n) &&
+         MS_NEW(&scene->alloc, part->receive, part->most_received);
 }
 
 msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
@@ -44,11 +47,25 @@ void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *isl
   *islands = (ms_whole_islands){0};
 }
 
+msim_status ms_rank_part_keep_islands(const msim_allocator *alloc, ms_rank_part *part,
+                                      ms_whole_islands *islands, msim_error *err) {
+  int32_t *place, n = 0;
+  if (!MS_NEW(alloc, place, ms_rank_part_count(part, part->ranks->rank)))
+    return ms_error_set_memory(err, "the order of the unknowns");
+  for (int32_t k = 0; k < islands->first[islands->n]; k++)
+    if (is_own(part, islands->particle[k])) place[n++] = k;
+  ms_whole_islands_destroy(alloc, &part->whole);
+  MS_FREE(alloc, part->place, islands->particle);
+  part->place = place, part->whole = *islands;
+  part->whole.particle = NULL, *islands = (ms_whole_islands){0};
+  return MSIM_OK;
+}
+
 void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part) {
   if (!part) return;
   ms_whole_islands_destroy(alloc, &part->whole);
   MS_FREE(alloc, part->owner, part->bytes, part->next, part->send_bytes, part->receive_bytes,
-          part->bounds, part->own, part->all, part);
+          part->bounds, part->own, part->all, part->place, part->send, part->receive, part);
 }
 
 double ms_rank_part_imbalance(const ms_scene *scene, const ms_rank_part *part) {

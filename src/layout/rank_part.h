@@ -14,7 +14,7 @@
 typedef struct ms_whole_islands {
   int32_t n;
   int32_t *first;    /* n + 1: the first unknown of each */
-  int32_t *particle; /* of each unknown, island by island */
+  int32_t *particle; /* of each unknown, island by island; NULL: not kept */
   uint64_t *hash;    /* n: of the particles of all rows (unknowns.h) */
 } ms_whole_islands;
 
@@ -22,15 +22,31 @@ void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *isl
 
 typedef struct ms_rank_part {
   ms_ranks *ranks;
-  int32_t *owner;         /* nparticles: the rank of each free particle (bisection.h) */
+  /* nparticles: the rank of each free particle (bisection.h); NULL where the rank does not have the
+   * whole scene, as is `all` */
+  int32_t *owner;
   ms_whole_islands whole; /* own unknowns are in this order; empty before islands are built */
+  int32_t *place;         /* of each own unknown, in this order */
   int64_t *bytes;         /* nranks: those of one number of each own particle */
-  /* Scratch of ms_rank_part_gather and of checkpoints: nranks each; a number of each own particle
-   * and nranks more, a number of each free particle; nranks + 1: which bytes each rank writes */
+  /* Scratch: nranks each; of ms_rank_part_gather a number of each own and of each free particle */
   int64_t *next, *send_bytes, *receive_bytes;
   double *own, *all;
+  /* Of checkpoints: nranks + 1, which bytes each rank writes; rows that are sent and received */
   size_t *bounds;
+  struct ms_placed_row *send, *receive;
+  int32_t most_received; /* rows at a time */
 } ms_rank_part;
+
+/* A row of a checkpoint by its place in a component of a vector */
+typedef struct ms_placed_row {
+  int64_t place;
+  double value;
+} ms_placed_row;
+
+/* Keep the islands of one process, and the place of each own unknown among theirs. Takes over
+ * their arrays. */
+msim_status ms_rank_part_keep_islands(const msim_allocator *alloc, ms_rank_part *part,
+                                      ms_whole_islands *islands, msim_error *err);
 
 /* Divide the scene among `ranks`, which the part borrows. After an error it may be there, and must
  * be destroyed. */

@@ -56,12 +56,6 @@ static msim_status create_islands(const msim_sim *sim, ms_rank_order *order, ms_
   return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
 }
 
-/* They follow from the scene and the part. */
-static void keep_whole_islands(msim_sim *sim, ms_rank_order *order) {
-  const ms_whole_islands before = sim->part->whole;
-  sim->part->whole = order->islands, order->islands = before;
-}
-
 static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
   ms_islands islands = {0};
   ms_rank_order order = {0};
@@ -84,7 +78,8 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
       sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
-  if (sim->part && !status) keep_whole_islands(sim, &order);
+  if (sim->part && !status)
+    status = ms_rank_part_keep_islands(&sim->alloc, sim->part, &order.islands, err);
   ms_rank_order_destroy(sim->scene, &order);
   return status;
 }
