@@ -2,6 +2,7 @@
  * numbers with which no step may continue are found at any position, and no others. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/isa.h"
 #include "base/vector.h"
@@ -31,29 +32,33 @@ static void bad_numbers_are_found(void **state) {
   }
 }
 
-/* Terms are added in their order, row by row; padding is not changed. */
+/* Terms are added in their order, row by row; padding is not changed. The sum may replace x or a
+ * term. */
 static void sums_have_the_same_bits(void **state) {
-  enum { TERMS = 5 };
-  double y[TERMS][MOST], x[MOST], z[MOST], w[TERMS];
+  enum { TERMS = 5, X = TERMS, NOWHERE };
+  double y[TERMS + 1][MOST], z[TERMS + 2][MOST], w[TERMS];
   const double *of[TERMS];
   (void)state;
-  for (int k = 0; k < TERMS; k++) {
-    w[k] = ms_vector_random_entry((uint32_t)k), of[k] = y[k];
-    for (int q = 0; q < MOST; q++) y[k][q] = ms_vector_random_entry((uint32_t)(k * MOST + q));
-  }
-  for (int q = 0; q < MOST; q++) x[q] = 1e3 * ms_vector_random_entry((uint32_t)(7 * q));
-  for (int k = 0; k < 2 * (ms_isa_choose() + 1); k++) {
-    const int is_added = k % 2;
-    for (int q = 0; q < MOST; q++) z[q] = -1;
-    ms_vector_linear_combination((ms_shape){ROWS, STRIDE, 3, k / 2, 0, NULL}, is_added ? x : NULL,
-                                 TERMS, w, of, z);
-    for (int q = 0; q < MOST; q++) {
-      double sum = 0;
-      for (int i = 0; i < TERMS; i++) sum += w[i] * y[i][q];
-      const double expected = q % STRIDE >= ROWS ? -1 : is_added ? x[q] + sum : sum;
-      assert_true(z[q] == expected);
-    }
-  }
+  for (int k = 0; k <= TERMS; k++)
+    for (int q = 0; q < MOST; q++)
+      y[k][q] = (k == X ? 1e3 : 1) * ms_vector_random_entry((uint32_t)(k * MOST + q));
+  for (int k = 0; k < TERMS; k++) w[k] = ms_vector_random_entry((uint32_t)k), of[k] = z[k];
+  for (int isa = 0; isa <= (int)ms_isa_choose(); isa++)
+    for (int32_t rows = 0; rows <= ROWS; rows++)
+      for (int to = 0; to <= NOWHERE; to++) {
+        const int is_added = to == X || rows % 2;
+        memcpy(z, y, sizeof y);
+        for (int q = 0; q < MOST; q++) z[NOWHERE][q] = -1;
+        ms_vector_linear_combination((ms_shape){rows, STRIDE, 3, isa, 0, NULL},
+                                     is_added ? z[X] : NULL, TERMS, w, of, z[to]);
+        for (int q = 0; q < MOST; q++) {
+          double sum = 0;
+          for (int i = 0; i < TERMS; i++) sum += w[i] * y[i][q];
+          const double before = to == NOWHERE ? -1 : y[to][q];
+          const double expected = q % STRIDE >= rows ? before : is_added ? y[X][q] + sum : sum;
+          assert_true(z[to][q] == expected);
+        }
+      }
 }
 
 static void the_largest_is_found(void **state) {

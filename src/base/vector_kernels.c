@@ -23,12 +23,27 @@ MS_INLINE size_t combine_blocks(int registers, const double *x, int n, const dou
   return at;
 }
 
+/* x + sum of w y for one register of rows */
+MS_INLINE ms_lanes combine_register(const double *x, int n, const double *w, const double *const *y,
+                                    size_t row) {
+  ms_lanes sum = {0};
+  for (int k = 0; k < n; k++) sum += w[k] * ms_simd_load(y[k] + row);
+  return (x ? ms_simd_load(x + row) : (ms_lanes){0}) + sum;
+}
+
+/* Rows that do not fill a register are computed in one that overlaps the register before, at first,
+ * as z may be x or one of y. */
 static void linear_combination(ms_shape s, const double *x, int n, const double *w,
                                const double *const *y, double *z) {
+  const int overlaps = s.n > MS_LANES && s.n % MS_LANES != 0;
+  ms_lanes last = {0};
   for (size_t at = 0; at < (size_t)s.dims * (size_t)s.stride; at += (size_t)s.stride) {
     const size_t end = at + (size_t)s.n;
+    if (overlaps) last = combine_register(x, n, w, y, end - MS_LANES);
     size_t row = combine_blocks(4, x, n, w, y, at, end, z);
-    for (row = combine_blocks(1, x, n, w, y, row, end, z); row < end; row++) {
+    row = combine_blocks(1, x, n, w, y, row, end, z);
+    if (overlaps) ms_simd_store(z + end - MS_LANES, last);
+    for (; row < end && !overlaps; row++) {
       double sum = 0;
       for (int k = 0; k < n; k++) sum += w[k] * y[k][row];
       z[row] = (x ? x[row] : 0) + sum;
