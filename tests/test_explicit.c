@@ -1,5 +1,6 @@
 /* Tests of properties of takahashi-imada, force-gradient, ssprk104, rkc and respa besides their
- * order: conserved quantities, cost, stability, error estimate. See also test_respa.c */
+ * order: conserved quantities, cost, stability, error estimate; of the time that forces take. See
+ * also test_respa.c */
 #include <complex.h>
 #include <math.h>
 #include <string.h>
@@ -370,6 +371,31 @@ static void strong_damping_takes_few_evaluations(void **state) {
   msim_scene_destroy(scene);
 }
 
+/*------------------------------------- time -----------------------------------------------------*/
+
+/* Of the sweeps of a small scene few are timed, for all: forces take most of its time, less while
+ * other programs interrupt the run. */
+static void the_time_of_small_sweeps_is_estimated(void **state) {
+  (void)state;
+  msim_scene *scene = thrown(50, 1e-3);
+  const msim_options opt = options("velocity-verlet", 1e-5);
+  double share = 0;
+  for (int i = 0; i < 8; i++) {
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 1, err));
+    assert_true(stats_of(sim).force_s > 0);
+    assert_true(stats_of(sim).force_s <= stats_of(sim).total_s);
+    assert_ok(msim_sim_step(sim, 1000, err));
+    const msim_stats of = stats_of(sim);
+    share = fmax(share, of.force_s / of.total_s);
+    assert_true(of.force_s <= of.total_s);
+    msim_sim_destroy(sim);
+  }
+  print_message("  forces take %.2g of the time\n", share);
+  assert_true(share > 0.2);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(momentum_is_kept),
@@ -382,6 +408,7 @@ int main(void) {
       cmocka_unit_test(the_estimate_of_ssprk104_has_order_3),
       cmocka_unit_test(stages_hold_the_whole_strip),
       cmocka_unit_test(a_step_has_that_amplification),
-      cmocka_unit_test(strong_damping_takes_few_evaluations)};
+      cmocka_unit_test(strong_damping_takes_few_evaluations),
+      cmocka_unit_test(the_time_of_small_sweeps_is_estimated)};
   return cmocka_run_group_tests_name("explicit", tests, NULL, NULL);
 }
