@@ -61,6 +61,30 @@ static void sums_have_the_same_bits(void **state) {
       }
 }
 
+/* Both have the bits that each has alone, also if one of them replaces a term. */
+static void two_sums_are_those_of_each(void **state) {
+  enum { TERMS = 5 };
+  double y[TERMS][MOST], first[MOST], second[MOST], in[MOST], w[2][TERMS];
+  const double *of[TERMS];
+  (void)state;
+  for (int isa = 0; isa <= (int)ms_isa_choose(); isa++)
+    for (int32_t rows = 0; rows <= ROWS; rows++) {
+      const ms_shape shape = {rows, STRIDE, 3, isa, 0, NULL};
+      for (int k = 0; k < TERMS; k++) {
+        for (int j = 0; j < 2; j++) w[j][k] = ms_vector_random_entry((uint32_t)(2 * k + j));
+        of[k] = y[k];
+        for (int q = 0; q < MOST; q++) y[k][q] = ms_vector_random_entry((uint32_t)(k * MOST + q));
+      }
+      for (int q = 0; q < MOST; q++) first[q] = second[q] = in[q] = -1;
+      ms_vector_linear_combination(shape, y[2], TERMS, w[0], of, first);
+      ms_vector_linear_combination(shape, NULL, TERMS, w[1], of, second);
+      const ms_combination sums[2] = {{y[2], w[0], in}, {NULL, w[1], y[3]}};
+      ms_vector_two_combinations(shape, TERMS, of, sums);
+      for (int q = 0; q < MOST; q++)
+        assert_true(in[q] == first[q] && (q % STRIDE >= rows || y[3][q] == second[q]));
+    }
+}
+
 static void the_largest_is_found(void **state) {
   (void)state;
   const ms_shape shape = {.n = 3, .stride = 4, .dims = 2};
@@ -69,8 +93,8 @@ static void the_largest_is_found(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(bad_numbers_are_found),
-                                     cmocka_unit_test(sums_have_the_same_bits),
-                                     cmocka_unit_test(the_largest_is_found)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(bad_numbers_are_found), cmocka_unit_test(sums_have_the_same_bits),
+      cmocka_unit_test(two_sums_are_those_of_each), cmocka_unit_test(the_largest_is_found)};
   return cmocka_run_group_tests_name("vector", tests, NULL, NULL);
 }

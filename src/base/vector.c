@@ -83,7 +83,12 @@ void ms_vector_three_term(ms_shape s, const void *y0, double a, const void *y1, 
 
 void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w,
                                   const double *const *y, double *z) {
-  ms_vector_kernels_of[s.isa]->linear_combination(s, x, n, w, y, z);
+  ms_vector_kernels_of[s.isa]->combinations(s, n, y, 1, &(ms_combination){x, w, z});
+}
+
+void ms_vector_two_combinations(ms_shape s, int n, const double *const *y,
+                                const ms_combination of[2]) {
+  ms_vector_kernels_of[s.isa]->combinations(s, n, y, 2, of);
 }
 
 void ms_vector_scale_rows(ms_shape s, const double *d, const double *f, double *a) {

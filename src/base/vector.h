@@ -45,9 +45,17 @@ void ms_vector_add_two_scaled(ms_shape s, const void *x, double a, const void *y
 void ms_vector_three_term(ms_shape s, const void *y0, double a, const void *y1, double b,
                           const void *y2, double c, const void *f, void *y);
 
-/* z = x + sum_k w_k y_k, summed in this order. Nullable: x (0). */
+/* z = x + sum_k w_k y_k, summed in this order; z may be x or a term. Nullable: x (0). */
 void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w /* n */,
                                   const double *const *y /* n */, double *z);
+/* One of two such sums of the same terms */
+typedef struct ms_combination {
+  const double *x, *w;
+  double *z;
+} ms_combination;
+/* Both, which reads each term once. */
+void ms_vector_two_combinations(ms_shape s, int n, const double *const *y /* n */,
+                                const ms_combination of[2]);
 double ms_vector_dot(ms_shape s, const void *x, const void *y); /* collective; sums are doubles */
 
 /* The sum of 8 partial sums, as a binary tree: an order that SIMD registers of any width follow. */

@@ -5,50 +5,69 @@
 
 #include "base/simd.h"
 
-/* Process whole blocks of `registers` registers, whose sums stay in registers; return the index of
- * the first row that is left. */
-MS_INLINE size_t combine_blocks(int registers, const double *x, int n, const double *w,
-                                const double *const *y, size_t at, size_t end, double *z) {
-  enum { MOST = 4 };
-  const size_t block = (size_t)registers * MS_LANES;
-  for (; at + block <= end; at += block) {
-    ms_lanes sum[MOST] = {{0}};
-    for (int k = 0; k < n; k++)
-      for (int i = 0; i < registers; i++) sum[i] += w[k] * ms_simd_load(y[k] + at + i * MS_LANES);
+enum { MOST_SUMS = 2, MOST_REGISTERS = 4 };
+
+/* The sums of some registers of rows, which stay in registers */
+typedef struct register_sums {
+  ms_lanes of[MOST_SUMS][MOST_REGISTERS];
+} register_sums;
+
+MS_INLINE register_sums sum_registers(int sums, int registers, int n, const double *const *y,
+                                      const ms_combination *of, size_t row) {
+  register_sums r = {{{{0}}}};
+  for (int k = 0; k < n; k++)
     for (int i = 0; i < registers; i++) {
-      const size_t row = at + (size_t)i * MS_LANES;
-      ms_simd_store(z + row, (x ? ms_simd_load(x + row) : (ms_lanes){0}) + sum[i]);
+      const ms_lanes term = ms_simd_load(y[k] + row + i * MS_LANES);
+      for (int j = 0; j < sums; j++) r.of[j][i] += of[j].w[k] * term;
     }
-  }
-  return at;
+  for (int j = 0; j < sums; j++)
+    for (int i = 0; i < registers; i++) {
+      const double *x = of[j].x;
+      r.of[j][i] += x ? ms_simd_load(x + row + i * MS_LANES) : (ms_lanes){0};
+    }
+  return r;
 }
 
-/* x + sum of w y for one register of rows */
-MS_INLINE ms_lanes combine_register(const double *x, int n, const double *w, const double *const *y,
-                                    size_t row) {
-  ms_lanes sum = {0};
-  for (int k = 0; k < n; k++) sum += w[k] * ms_simd_load(y[k] + row);
-  return (x ? ms_simd_load(x + row) : (ms_lanes){0}) + sum;
+MS_INLINE void store_registers(int sums, int registers, register_sums r, const ms_combination *of,
+                               size_t row) {
+  for (int j = 0; j < sums; j++)
+    for (int i = 0; i < registers; i++) ms_simd_store(of[j].z + row + i * MS_LANES, r.of[j][i]);
+}
+
+/* Compute whole blocks of `registers` registers; return the index of the first row that is left. */
+MS_INLINE size_t combine_blocks(int sums, int registers, int n, const double *const *y,
+                                const ms_combination *of, size_t at, size_t end) {
+  const size_t block = (size_t)registers * MS_LANES;
+  for (; at + block <= end; at += block)
+    store_registers(sums, registers, sum_registers(sums, registers, n, y, of, at), of, at);
+  return at;
 }
 
 /* Rows that do not fill a register are computed in one that overlaps the register before, at first,
  * as z may be x or one of y. */
-static void linear_combination(ms_shape s, const double *x, int n, const double *w,
-                               const double *const *y, double *z) {
+MS_INLINE void combine(int sums, ms_shape s, int n, const double *const *y,
+                       const ms_combination *of) {
   const int overlaps = s.n > MS_LANES && s.n % MS_LANES != 0;
-  ms_lanes last = {0};
+  register_sums last = {{{{0}}}};
   for (size_t at = 0; at < (size_t)s.dims * (size_t)s.stride; at += (size_t)s.stride) {
     const size_t end = at + (size_t)s.n;
-    if (overlaps) last = combine_register(x, n, w, y, end - MS_LANES);
-    size_t row = combine_blocks(4, x, n, w, y, at, end, z);
-    row = combine_blocks(1, x, n, w, y, row, end, z);
-    if (overlaps) ms_simd_store(z + end - MS_LANES, last);
+    if (overlaps) last = sum_registers(sums, 1, n, y, of, end - MS_LANES);
+    size_t row = combine_blocks(sums, MOST_REGISTERS, n, y, of, at, end);
+    row = combine_blocks(sums, 1, n, y, of, row, end);
+    if (overlaps) store_registers(sums, 1, last, of, end - MS_LANES);
     for (; row < end && !overlaps; row++) {
-      double sum = 0;
-      for (int k = 0; k < n; k++) sum += w[k] * y[k][row];
-      z[row] = (x ? x[row] : 0) + sum;
+      double sum[MOST_SUMS] = {0};
+      for (int k = 0; k < n; k++)
+        for (int j = 0; j < sums; j++) sum[j] += of[j].w[k] * y[k][row];
+      for (int j = 0; j < sums; j++) of[j].z[row] = (of[j].x ? of[j].x[row] : 0) + sum[j];
     }
   }
+}
+
+static void combinations(ms_shape s, int n, const double *const *y, int sums,
+                         const ms_combination *of) {
+  if (sums == 1) combine(1, s, n, y, of);
+  else combine(2, s, n, y, of);
 }
 
 /* (c x)^2 is infinite or NaN if x is NaN or beyond MS_LARGEST_VALID, and so is any sum that
@@ -73,4 +92,4 @@ static int is_valid(ms_shape s, const double *x) {
   return isfinite(sum);
 }
 
-const ms_vector_kernels MS_TABLE(ms_vector_kernels) = {linear_combination, is_valid};
+const ms_vector_kernels MS_TABLE(ms_vector_kernels) = {combinations, is_valid};

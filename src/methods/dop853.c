@@ -25,22 +25,28 @@ static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
   k[RESULT] = s->work[1 - at];
 }
 
-/* The point at + time slope; at NULL: 0 */
-typedef struct line {
-  const double *at, *slope;
-  double time;
-} line;
+/* Where the sums of slopes begin, NULL: at 0, and where they go; to_v NULL: x alone */
+typedef struct slope_sums {
+  const double *x, *v;
+  double time; /* x begins at x + time v */
+  double *to_x, *to_v;
+} slope_sums;
 
-/* z = the point of a line + scale sum_j row_j k_j */
-static void add_slopes(ms_shape shape, line from, double scale, const double row[STAGES],
-                       double *const k[STAGES], double *z) {
+/* x = its beginning + h^2 sum_j row2_j k_j,  v = its beginning + h sum_j row_j k_j. Terms that only
+ * one of both has are added to the other one with weight 0. */
+static void add_slopes(const ms_stepper *s, slope_sums of, const double row2[STAGES],
+                       const double row[STAGES], double *const k[STAGES]) {
   const double *y[STAGES + 1];
-  double w[STAGES + 1];
+  double x_weight[STAGES + 1], v_weight[STAGES + 1];
   int n = 0;
-  if (from.time != 0) w[n] = from.time, y[n++] = from.slope;
-  for (int j = 0; j < STAGES; j++)
-    if (row[j] != 0) w[n] = scale * row[j], y[n++] = k[j];
-  ms_vector_linear_combination(shape, from.at, n, w, y, z);
+  if (of.time != 0) x_weight[n] = of.time, v_weight[n] = 0, y[n++] = of.v;
+  for (int j = 0; j < STAGES; j++) {
+    if (row2[j] == 0 && !(of.to_v && row[j] != 0)) continue;
+    x_weight[n] = s->h * s->h * row2[j], v_weight[n] = s->h * row[j], y[n++] = k[j];
+  }
+  const ms_combination sums[2] = {{of.x, x_weight, of.to_x}, {of.v, v_weight, of.to_v}};
+  if (of.to_v) ms_vector_two_combinations(s->model->shape, n, y, sums);
+  else ms_vector_linear_combination(s->model->shape, of.x, n, x_weight, y, of.to_x);
 }
 
 /* A step from x, v: its stages are X and V, V NULL where no force depends on velocities; k: their
@@ -52,10 +58,8 @@ typedef struct stages {
 
 /* X and V of stage i */
 static void put_stage(const ms_stepper *s, const stages *of, int i) {
-  const ms_shape shape = s->model->shape;
-  const line x = {of->x, of->v, C[i] * s->h}, v = {.at = of->v};
-  add_slopes(shape, x, s->h * s->h, AA[i], of->k, of->X);
-  if (of->V) add_slopes(shape, v, s->h, A[i], of->k, of->V);
+  const slope_sums sums = {of->x, of->v, C[i] * s->h, of->X, of->V};
+  add_slopes(s, sums, AA[i], A[i], of->k);
 }
 
 /* k of the stages from..to - 1; of->X and of->V: scratch, with pinned positions in X */
@@ -92,9 +96,7 @@ static msim_status dop853_step(ms_stepper *s, msim_error *err) {
 static void dop853_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   double *k[STAGES];
   find_slopes(s, s->cached_stage == 2, k);
-  const line zero = {0};
-  add_slopes(s->model->shape, zero, s->h * s->h, EE[which], k, dx);
-  add_slopes(s->model->shape, zero, s->h, E[which], k, dv);
+  add_slopes(s, (slope_sums){.to_x = dx, .to_v = dv}, EE[which], E[which], k);
 }
 
 /* Computes the stages of the dense output of the step from x, v. tag: that of the cached stages at
@@ -129,8 +131,7 @@ static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v
   const double *const v_ends[] = {s->v_next, s->v, k[0], k[RESULT]};
   ms_interpolate_hermite(shape, s->h, theta, x_ends, x);
   ms_interpolate_hermite(shape, s->h, theta, v_ends, v);
-  add_slopes(shape, (line){.at = x}, s->h * s->h, row2, k, x);
-  add_slopes(shape, (line){.at = v}, s->h, row, k, v);
+  add_slopes(s, (slope_sums){.x = x, .v = v, .to_x = x, .to_v = v}, row2, row, k);
 }
 
 /* t^2 u^2, t^3 u^2, t^3 u^3 and t^4 u^3 are multiples of one Bernstein polynomial each, of degrees
