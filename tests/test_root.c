@@ -57,7 +57,7 @@ static void no_number_has_no_root(void **state) {
 
 int main(void) {
 #ifdef __AVX512F__
-  if (!__builtin_cpu_supports("avx512f")) return 77;
+  if (!__builtin_cpu_supports("avx512f") || !__builtin_cpu_supports("avx512vl")) return 77;
 #endif
   const struct CMUnitTest tests[] = {cmocka_unit_test(roots_of_all_sizes),
                                      cmocka_unit_test(no_number_has_no_root)};

@@ -10,7 +10,7 @@ int ms_isa_find(const char *name) {
   if (strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
     return MS_ISA_AVX2;
   if (strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f") &&
-      __builtin_cpu_supports("fma"))
+      __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma"))
     return MS_ISA_AVX512;
 #endif
   return -1;

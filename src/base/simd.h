@@ -2,7 +2,7 @@
  * or floats in files that define MS_SINGLE
  *
  * Lanes never interact, so results do not depend on their number, which divides 8; but those of
- * ms_simd_fma and ms_simd_sqrt_and_inverse depend on the instruction set. */
+ * ms_simd_fma, ms_simd_sqrt_and_inverse and ms_simd_two_over_sqrt depend on the instruction set. */
 #ifndef MS_SIMD_H
 #define MS_SIMD_H
 
@@ -229,6 +229,21 @@ static inline ms_lanes ms_simd_fnma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #endif
 }
 
+#ifdef MS_SINGLE
+/* 2/sqrt(v) with a relative error of at most 2.6 u, u = 2^-24; v must be normal and > 0, or NaN.
+ *
+ * AVX-512 has an approximation r of 14 bits, which one Newton step turns into
+ *   2/sqrt(v) = r (3 - v r^2).
+ * The bits of that of AVX2 depend on the manufacturer of the processor, so that it is not used. */
+static inline ms_lanes ms_simd_two_over_sqrt(ms_lanes v) {
+#  if defined(__AVX512VL__)
+  const ms_lanes zero = {0}, r = _mm256_rsqrt14_ps(v);
+  return r * ms_simd_fnma(v * r, r, zero + 3);
+#  else
+  return 2 / ms_simd_sqrt(v);
+#  endif
+}
+#else
 /* sqrt(v), and *inverse = 1/sqrt(v) with an error of at most 1 unit in the last place with AVX-512,
  * else 1.5; v must be normal and > 0, or NaN.
  *
@@ -237,7 +252,7 @@ static inline ms_lanes ms_simd_fnma(ms_lanes a, ms_lanes b, ms_lanes c) {
  * truncated after e^4. l = v/sqrt(v) gets one Newton step, l + (v - l^2)/(2 l). With other
  * instruction sets, a chain of such steps would take as long as the hardware's square root. */
 static inline ms_lanes ms_simd_sqrt_and_inverse(ms_lanes v, ms_lanes *inverse) {
-#if defined(__AVX512F__) && !defined(MS_SINGLE)
+#  if defined(__AVX512F__)
   const ms_lanes zero = {0}, r = _mm512_rsqrt14_pd(v);
   const ms_lanes e = _mm512_fnmadd_pd(v * r, r, zero + 1);
   ms_lanes series = ms_simd_fma(e, zero + 35. / 128, zero + 5. / 16);
@@ -246,11 +261,12 @@ static inline ms_lanes ms_simd_sqrt_and_inverse(ms_lanes v, ms_lanes *inverse) {
   *inverse = ms_simd_fma(e * r, series, r);
   const ms_lanes l = v * *inverse;
   return ms_simd_fma(_mm512_fnmadd_pd(l, l, v), 0.5 * *inverse, l);
-#else
+#  else
   const ms_lanes l = ms_simd_sqrt(v);
   *inverse = 1 / l;
   return l;
-#endif
+#  endif
 }
+#endif
 
 #endif

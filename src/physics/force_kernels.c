@@ -8,7 +8,7 @@
 #include "physics/single.h"
 #include "physics/spring_law.h"
 
-/* Where the model has k, rest, damping, stiffness, and masses, in the precision of the lanes */
+/* Where the model has k and masses in the precision of the lanes */
 #ifdef MS_SINGLE
 #  define SPRINGS_OF(m) ((m)->single)
 #  define MASSES_OF(m)  ((m)->single)
@@ -24,34 +24,49 @@
 /*------------------------------------- forces ---------------------------------------------------*/
 
 /* What times d is the force of a spring (spring_law.h), the same for -d and -dv. l^2 is at least
- * the least normal number, MS_MIN_LENGTH2 of doubles, so that d = 0 has force 0. l is rounded as
- * the rest lengths of the scene are (no fused multiply-add): the force of a spring at rest length
- * is exactly 0. The damping, c d.dv/l^2, is multiplied by 1/l last: little has to wait for the root
- * and the division, so that those of more springs overlap. */
+ * the least normal number, MS_MIN_LENGTH2 of doubles, so that d = 0 has force 0. The damping,
+ * c d.dv/l^2, is multiplied by 1/l last: little has to wait for the root and the division, so that
+ * those of more springs overlap. */
+#ifdef MS_SINGLE
+/* f/l = k - (k L/2) (2/l): off by some k u, as d is by rounded positions */
+MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
+                                       const ms_model *m, size_t at) {
+  const ms_single *of = m->single;
+  const ms_lanes l2 = ms_simd_max(ms_dot_vec(dims, d, d), MS_LEAST_NORMAL);
+  const ms_lanes two_over_l = ms_simd_two_over_sqrt(l2);
+  const ms_lanes scale =
+      ms_simd_fnma(ms_simd_load(of->half_k_rest + at), two_over_l, ms_simd_load(of->k + at));
+  if (!damped) return scale;
+  const ms_lanes rate = ms_dot_vec(dims, d, dv), c = ms_simd_load(of->quarter_damping + at);
+  return ms_simd_fma(MS_DASHPOT_FORCE(c, rate) * two_over_l, two_over_l, scale);
+}
+#else
+/* l is rounded as the rest lengths of the scene are (no fused multiply-add): the force of a spring
+ * at rest length is exactly 0. */
 MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
                                        const ms_model *m, size_t at) {
   ms_lanes l2 = d.c[0] * d.c[0], inverse;
   for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
   const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_LEAST_NORMAL), &inverse);
   const ms_lanes scale = MS_SPRING_FORCE_OVER_LENGTH(
-      ms_simd_load(SPRINGS_OF(m)->k + at), ms_simd_load(SPRINGS_OF(m)->rest + at), l, inverse);
+      ms_simd_load(m->half_edges.k + at), ms_simd_load(m->half_edges.rest + at), l, inverse);
   if (!damped) return scale;
-  const ms_lanes rate = ms_dot_vec(dims, d, dv), c = ms_simd_load(SPRINGS_OF(m)->damping + at);
+  const ms_lanes rate = ms_dot_vec(dims, d, dv), c = ms_simd_load(m->half_edges.damping + at);
   return ms_simd_fma(MS_DASHPOT_FORCE(c, rate) * inverse, inverse, scale);
 }
+#endif
 
-MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, size_t row, const ms_real *x,
-                                         const ms_real *v) {
+MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, const ms_external *external,
+                                         size_t row, const ms_real *x, const ms_real *v) {
   const ms_lanes mass = ms_simd_load(MASSES_OF(m)->mass + row);
   const size_t stride = (size_t)m->unknowns.stride;
   const ms_lane_vectors xi = ms_load_vec(dims, x + row, stride);
   ms_lane_vectors f = {{{0}}};
   for (int c = 0; c < dims; c++)
-    f.c[c] = ms_external_position_force(&m->external, m->unknowns.axis[c], mass, xi.c[c]);
-  if (!v || !ms_external_has_velocity(&m->external)) return f;
+    f.c[c] = ms_external_position_force(external, m->unknowns.axis[c], mass, xi.c[c]);
+  if (!v || !ms_external_has_velocity(external)) return f;
   const ms_lane_vectors vi = ms_load_vec(dims, v + row, stride);
-  for (int c = 0; c < dims; c++)
-    f.c[c] = ms_external_add_velocity_force(&m->external, vi.c[c], f.c[c]);
+  for (int c = 0; c < dims; c++) f.c[c] = ms_external_add_velocity_force(external, vi.c[c], f.c[c]);
   return f;
 }
 
@@ -96,8 +111,8 @@ MS_INLINE ms_lane_vectors sum_law_forces(int dims, const ms_model *m, int32_t sl
     ms_lanes l2 = d.c[0] * d.c[0];
     for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
     const ms_lanes l = ms_simd_sqrt(l2);
-    const ms_lanes pull = MS_SPRING_FORCE(ms_simd_load(SPRINGS_OF(m)->stiffness + at),
-                                          ms_simd_load(SPRINGS_OF(m)->rest + at), l) /
+    const ms_lanes pull = MS_SPRING_FORCE(ms_simd_load_doubles(half_edges->stiffness + at),
+                                          ms_simd_load_doubles(half_edges->rest + at), l) /
                           ms_simd_max(l, least);
     for (int c = 0; c < dims; c++) sum.c[c] += pull * d.c[c];
   }
@@ -178,12 +193,13 @@ MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, cons
                              int32_t begin, int32_t end) {
   const size_t stride = (size_t)m->unknowns.stride;
   const double *added = kind == LAWS ? m->base_force : m->added_force;
+  const ms_external external = m->external; /* local, as results could alias the model */
   ms_mask bad = {0};
   for (int32_t slice = begin; slice < end; slice++) {
     const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const size_t row = own.row + lane;
-      ms_lane_vectors f = external_force(dims, m, row, p->x, p->v), of_added = {{{0}}};
+      ms_lane_vectors f = external_force(dims, m, &external, row, p->x, p->v), of_added = {{{0}}};
       for (int c = 0; c < dims && added; c++)
         of_added.c[c] = ms_simd_load_doubles(added + (size_t)c * stride + row);
       if (kind == LAWS)

@@ -43,8 +43,10 @@ void ms_single_update_springs(ms_model *model) {
   const size_t lanes = MS_SLICE * (size_t)h->nentries;
   if (!model->single) return;
   narrow(lanes, h->k, model->single->k);
-  narrow(lanes, h->rest, model->single->rest);
-  narrow(lanes, h->damping, model->single->damping);
+  for (size_t i = 0; i < lanes; i++) {
+    model->single->half_k_rest[i] = (float)(h->k[i] * h->rest[i] / 2);
+    model->single->quarter_damping[i] = (float)(h->damping[i] / 4);
+  }
 }
 
 msim_status ms_single_create(ms_model *model, msim_error *err) {
@@ -54,14 +56,13 @@ msim_status ms_single_create(ms_model *model, msim_error *err) {
   ms_single *s;
   if (!MS_NEW(alloc, model->single, 1)) return ms_error_set_memory(err, "the springs as floats");
   s = model->single;
-  if (!MS_NEW(alloc, s->k, lanes) || !MS_NEW(alloc, s->rest, lanes) ||
-      !MS_NEW(alloc, s->damping, lanes) || !MS_NEW(alloc, s->mass, rows) ||
+  if (!MS_NEW(alloc, s->k, lanes) || !MS_NEW(alloc, s->half_k_rest, lanes) ||
+      !MS_NEW(alloc, s->quarter_damping, lanes) || !MS_NEW(alloc, s->mass, rows) ||
       !MS_NEW(alloc, s->inv_mass, rows) ||
       !MS_NEW_VECTORS(model->scene, &model->unknowns, &s->x, &s->v) ||
       (model->features & MS_HAS_PLANES &&
        !MS_NEW_VECTORS(model->scene, &model->unknowns, &s->x_before)))
     return ms_error_set_memory(err, "the springs as floats");
-  s->stiffness = s->k;
   narrow(rows, model->mass, s->mass);
   narrow(rows, model->inv_mass, s->inv_mass);
   ms_single_update_springs(model);
@@ -71,8 +72,8 @@ msim_status ms_single_create(ms_model *model, msim_error *err) {
 
 void ms_single_destroy(const ms_scene *scene, ms_single *s) {
   if (!s) return;
-  MS_FREE(&scene->alloc, s->k, s->rest, s->damping, s->mass, s->inv_mass, s->x, s->v, s->x_before,
-          s);
+  MS_FREE(&scene->alloc, s->k, s->half_k_rest, s->quarter_damping, s->mass, s->inv_mass, s->x, s->v,
+          s->x_before, s);
 }
 
 /*------------------------------------- states ---------------------------------------------------*/

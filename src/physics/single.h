@@ -16,11 +16,11 @@
 #include "physics/model.h"
 
 typedef struct ms_single {
-  float *k, *rest, *damping; /* 8 half_edges.nentries; padding: 0 */
-  const float *stiffness;    /* k, as no spring has a law */
-  float *mass, *inv_mass;    /* first_pinned; padding: 1, 0 */
-  double origin[3];          /* m */
-  double *x, *v, *x_before;  /* room for vectors of doubles; x_before: only with MS_HAS_PLANES */
+  /* k, k L/2 and c/4, as kernels multiply by 2/l: 8 half_edges.nentries; padding: 0 */
+  float *k, *half_k_rest, *quarter_damping;
+  float *mass, *inv_mass;   /* first_pinned; padding: 1, 0 */
+  double origin[3];         /* m */
+  double *x, *v, *x_before; /* room for vectors of doubles; x_before: only with MS_HAS_PLANES */
 } ms_single;
 
 /* Make a new model compute in single precision. */
