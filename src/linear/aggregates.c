@@ -1,139 +1,19 @@
 #include "linear/aggregates.h"
 
+#include "linear/clusters.h"
 #include "linear/modes.h"
 
-/*------------------------------------- growth ---------------------------------------------------*/
-
-/* State of the growth of clusters, one after the other */
-typedef struct growth {
-  const ms_incidence *graph;
-  int32_t size;                      /* of a complete cluster */
-  int32_t *of;                       /* n: the cluster of each unknown; -1: none yet */
-  int32_t *seeds, next_seed, nseeds; /* unknowns at borders, oldest first */
-  uint8_t *is_seed;                  /* n: 1 if among the seeds */
-  int32_t *candidate, ncandidates;   /* unknowns adjacent to the present cluster */
-  int32_t *distance, *links;         /* n: from the seed; springs to members */
-  int32_t *mark;                     /* n: the cluster to which these refer */
-} growth;
-
-/* Bounds the cost at a hub, an unknown with very many springs. */
-enum { MOST_CANDIDATES = 1024 };
-
-/* The unknown at the other end of the e-th half-edge */
-static int32_t neighbour(const growth *g, int32_t e) {
-  return g->graph->row[g->graph->of.item[e] ^ 1];
-}
-
-static void add_candidate(growth *g, int32_t cluster, int32_t row, int32_t distance) {
-  if (g->of[row] >= 0) return;
-  if (!g->is_seed[row]) g->is_seed[row] = 1, g->seeds[g->nseeds++] = row;
-  if (g->mark[row] == cluster) {
-    g->links[row]++;
-  } else if (g->ncandidates < MOST_CANDIDATES) {
-    g->mark[row] = cluster, g->distance[row] = distance, g->links[row] = 1;
-    g->candidate[g->ncandidates++] = row;
-  }
-}
-
-/* Remove and return the candidate nearest to the seed, of several the one with most springs to the
- * cluster, so that clusters are round. */
-static int32_t take_best(growth *g) {
-  int32_t best = 0;
-  for (int32_t c = 1; c < g->ncandidates; c++) {
-    const int32_t p = g->candidate[c], q = g->candidate[best];
-    if (g->distance[p] < g->distance[q] ||
-        (g->distance[p] == g->distance[q] && g->links[p] > g->links[q]))
-      best = c;
-  }
-  const int32_t row = g->candidate[best];
-  g->candidate[best] = g->candidate[--g->ncandidates];
-  return row;
-}
-
-static void grow(growth *g, int32_t cluster, int32_t seed) {
-  g->ncandidates = 0;
-  add_candidate(g, cluster, seed, 0);
-  for (int32_t members = 0; members < g->size && g->ncandidates; members++) {
-    const int32_t row = take_best(g);
-    g->of[row] = cluster;
-    for (int32_t e = g->graph->of.first[row]; e < g->graph->of.first[row + 1]; e++)
-      add_candidate(g, cluster, neighbour(g, e), g->distance[row] + 1);
-  }
-}
-
-/* Seeds are adjacent to earlier clusters, so that few gaps remain. Returns how many clusters. */
-static int32_t grow_clusters(growth *g, int32_t n) {
-  int32_t clusters = 0;
-  for (int32_t r = 0; r < n; r++) {
-    if (g->of[r] >= 0 || g->graph->of.first[r] == g->graph->of.first[r + 1]) continue;
-    grow(g, clusters++, r);
-    for (; g->next_seed < g->nseeds; g->next_seed++)
-      if (g->of[g->seeds[g->next_seed]] < 0) grow(g, clusters++, g->seeds[g->next_seed]);
-  }
-  return clusters;
-}
-
-/*------------------------------------- small clusters -------------------------------------------*/
-
-/* Merge each small cluster, grown in a gap, with an adjacent larger one, up to 2 size members, so
- * that clusters stay connected. If there is none, as beside a hub, and the cluster has fewer
- * members than modes, it is dissolved. into: scratch */
-static void merge_small_clusters(const growth *g, int32_t n, int32_t *members, int32_t *into) {
-  for (int32_t k = 0; k < n; k++) into[k] = k;
-  for (int32_t r = 0; r < n; r++) {
-    const int32_t own = g->of[r];
-    if (own < 0 || members[own] > g->size / 4 || into[own] != own) continue;
-    for (int32_t e = g->graph->of.first[r]; e < g->graph->of.first[r + 1]; e++) {
-      const int32_t other = into[g->of[neighbour(g, e)]];
-      if (members[other] <= g->size / 4 || members[other] + members[own] > 2 * g->size) continue;
-      into[own] = other;
-      members[other] += members[own];
-      break;
-    }
-  }
-  for (int32_t r = 0; r < n; r++) {
-    if (g->of[r] >= 0) g->of[r] = into[g->of[r]];
-    if (g->of[r] >= 0 && members[g->of[r]] < MS_MODES) g->of[r] = -1;
-  }
-}
-
-/* Number the remaining clusters by their first unknowns, and list the unknowns of each. Returns 0
- * if memory is exhausted. */
-static int list_rows(const msim_allocator *alloc, ms_aggregates *a, int32_t n, int32_t *number) {
-  ms_buckets rows;
-  for (int32_t r = 0; r < n; r++) {
-    if (a->of[r] < 0) continue;
-    if (number[a->of[r]] == 0) number[a->of[r]] = ++a->n;
-    a->of[r] = number[a->of[r]] - 1;
-  }
-  const int fits = ms_buckets_create(alloc, n, a->of, a->n, &rows);
-  a->first = rows.first, a->unknown = rows.item;
-  return fits;
-}
-
-/*------------------------------------- creation and destruction ---------------------------------*/
-
-static msim_status build_clusters(const ms_model *model, const ms_incidence *graph, int32_t size,
-                                  ms_aggregates *a, msim_error *err) {
-  const msim_allocator *alloc = &model->scene->alloc;
-  const int32_t n = model->unknowns.nfree;
-  const size_t count = (size_t)n;
-  growth g = {.graph = graph, .size = size, .of = a->of};
-  int32_t *members = NULL;
-  int fits = MS_NEW(alloc, g.seeds, n) && MS_NEW(alloc, g.distance, n) &&
-             MS_NEW(alloc, g.links, n) && MS_NEW(alloc, g.mark, n) &&
-             MS_NEW(alloc, g.candidate, MOST_CANDIDATES) && MS_NEW(alloc, g.is_seed, n) &&
-             MS_NEW(alloc, members, 3 * count);
-  if (fits) {
-    for (int32_t r = 0; r < n; r++) g.of[r] = g.mark[r] = -1;
-    grow_clusters(&g, n);
-    for (int32_t r = 0; r < n; r++)
-      if (g.of[r] >= 0) members[g.of[r]]++;
-    merge_small_clusters(&g, n, members, members + count);
-    fits = list_rows(alloc, a, n, members + 2 * count);
-  }
-  MS_FREE(alloc, g.seeds, g.distance, g.links, g.mark, g.candidate, g.is_seed, members);
-  return fits ? MSIM_OK : ms_error_set_memory(err, "the aggregates");
+/* Returns 0 if memory is exhausted. */
+static int list_members(const ms_model *model, const ms_incidence *graph, int32_t size,
+                        ms_aggregates *a) {
+  const ms_cluster_size unknowns = {.complete = size, .least = MS_MODES};
+  ms_buckets members;
+  const int32_t n = ms_clusters_grow(&model->scene->alloc, graph, model->unknowns.nfree, unknowns,
+                                     a->of, &members);
+  if (n < 0) return 0;
+  a->n = n, a->first = members.first, a->unknown = members.item;
+  for (int32_t r = model->unknowns.nfree; r < model->unknowns.first_pinned; r++) a->of[r] = -1;
+  return 1;
 }
 
 msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggregates *a,
@@ -144,10 +24,9 @@ msim_status ms_aggregates_create(const ms_model *model, int32_t size, ms_aggrega
   *a = (ms_aggregates){0};
   const int fits = MS_NEW(alloc, a->of, n) && MS_NEW(alloc, a->weight, MS_MODES * n) &&
                    ms_incidence_create(alloc, &model->springs, model->unknowns.nfree, &graph);
-  msim_status status = fits ? build_clusters(model, &graph, size, a, err)
-                            : ms_error_set_memory(err, "the aggregates");
-  for (int32_t r = model->unknowns.nfree; !status && r < model->unknowns.first_pinned; r++)
-    a->of[r] = -1;
+  msim_status status = fits && list_members(model, &graph, size, a)
+                           ? MSIM_OK
+                           : ms_error_set_memory(err, "the aggregates");
   if (!status) status = ms_modes_compute(model, &graph, a, err);
   ms_incidence_destroy(alloc, &graph);
   return status;

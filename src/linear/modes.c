@@ -4,71 +4,21 @@
 
 #include "scene/laws.h"
 
-/*------------------------------------- one aggregate --------------------------------------------*/
+/*------------------------------------- inverse iteration ----------------------------------------*/
 
-/* What all aggregates share */
-typedef struct modes_job {
-  const ms_incidence *graph;
-  const ms_model *model;
-  ms_aggregates *a;
-  int32_t largest; /* unknowns of the largest aggregate */
-  int32_t *local;  /* the index in its aggregate of each unknown */
-} modes_job;
-
-/* Arrays for one aggregate at a time, with n members. As these are numbered along the mesh, the
- * factor is a band: u_ki = 0 for i >= end[k]. */
-typedef struct workspace {
-  double *u;             /* n x n by rows: the upper Cholesky factor */
-  double (*v)[MS_MODES]; /* the modes */
-  int32_t *end;          /* n, ascending: the end of each row of u, > k */
-} workspace;
-
-static double stiffness(const modes_job *j, int32_t half_edge) {
-  return ms_scene_stiffness(j->model->scene, j->model->springs.spring[half_edge / 2]);
+int ms_modes_create_workspace(const msim_allocator *alloc, int32_t n, ms_modes_workspace *w) {
+  const size_t size = (size_t)n;
+  return MS_NEW(alloc, w->u, size * size) && MS_NEW(alloc, w->v, size) &&
+         MS_NEW(alloc, w->end, size);
 }
 
-/* Clear the rows of u as far as the Laplacian of the aggregate rows[0..n) fills the factor. Returns
- * the largest stiffness. */
-static double prepare_band(const modes_job *j, const int32_t *rows, int32_t n, workspace *w) {
-  const ms_buckets *edges = &j->graph->of;
-  const int32_t *of = j->a->of;
-  double largest = 0;
-  for (int32_t i = 0; i < n; i++) {
-    w->end[i] = i > 0 && w->end[i - 1] > i ? w->end[i - 1] : i + 1;
-    for (int32_t e = edges->first[rows[i]]; e < edges->first[rows[i] + 1]; e++) {
-      const int32_t other = j->graph->row[edges->item[e] ^ 1];
-      if (of[other] != of[rows[i]]) continue;
-      largest = fmax(largest, stiffness(j, edges->item[e]));
-      if (j->local[other] >= w->end[i]) w->end[i] = j->local[other] + 1;
-    }
-    for (int32_t k = i; k < w->end[i]; k++) w->u[i * n + k] = 0;
-  }
-  return largest;
-}
-
-/* u = the upper triangle of the Laplacian of the aggregate rows[0..n), in units of its stiffest
- * spring. Returns the mean of its diagonal. */
-static double assemble_laplacian(const modes_job *j, const int32_t *rows, int32_t n, workspace *w) {
-  const ms_buckets *edges = &j->graph->of;
-  const int32_t *of = j->a->of;
-  const double largest = prepare_band(j, rows, n, w);
-  double sum = 0, *u = w->u;
-  for (int32_t i = 0; i < n && largest > 0; i++) {
-    for (int32_t e = edges->first[rows[i]]; e < edges->first[rows[i] + 1]; e++) {
-      const int32_t other = j->graph->row[edges->item[e] ^ 1];
-      if (of[other] != of[rows[i]]) continue;
-      const double k = stiffness(j, edges->item[e]) / largest;
-      if (j->local[other] > i) u[i * n + j->local[other]] -= k;
-      u[i * n + i] += k;
-      sum += k;
-    }
-  }
-  return sum / n;
+void ms_modes_destroy_workspace(const msim_allocator *alloc, ms_modes_workspace *w) {
+  MS_FREE(alloc, w->u, w->v, w->end);
 }
 
 /* Replace the Laplacian by the factor of u^T u = Laplacian + shift I. The shift is well above
  * rounding errors, and well below the smallest positive eigenvalue of interest. */
-static void factor_laplacian(int32_t n, double mean, workspace *w) {
+static void factor_laplacian(int32_t n, double mean, ms_modes_workspace *w) {
   const double shift = mean > 0 ? 1e-4 * mean : 1;
   for (int32_t k = 0; k < n; k++) w->u[k * n + k] += shift;
   for (int32_t k = 0; k < n; k++) {
@@ -83,7 +33,7 @@ static void factor_laplacian(int32_t n, double mean, workspace *w) {
 }
 
 /* v = (u^T u)^-1 v for MS_MODES vectors side by side */
-static void solve_laplacian(const workspace *w, int32_t n) {
+static void solve_laplacian(const ms_modes_workspace *w, int32_t n) {
   double(*v)[MS_MODES] = w->v;
   for (int32_t k = 0; k < n; k++) {
     const double *row = w->u + k * n;
@@ -113,20 +63,81 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
   }
 }
 
-/* w->v = the modes of the aggregate rows[0..n) */
-static void compute_modes(const modes_job *j, const int32_t *rows, int32_t n, workspace *w) {
+void ms_modes_iterate(int32_t n, double mean, ms_modes_workspace *w) {
   enum { ITERATIONS = 6 };
-  factor_laplacian(n, assemble_laplacian(j, rows, n, w), w);
-  for (int32_t i = 0; i < n; i++) {
-    w->v[i][0] = 1;
+  factor_laplacian(n, mean, w);
+  for (int32_t i = 0; i < n; i++)
     for (int m = 1; m < MS_MODES; m++)
       w->v[i][m] = ms_vector_random_entry((uint32_t)(MS_MODES * i + m));
-  }
   orthonormalise(n, w->v);
   for (int round = 0; round < ITERATIONS; round++) {
     solve_laplacian(w, n);
     orthonormalise(n, w->v);
   }
+}
+
+/*------------------------------------- one aggregate --------------------------------------------*/
+
+/* What all aggregates share */
+typedef struct modes_job {
+  const ms_incidence *graph;
+  const ms_model *model;
+  ms_aggregates *a;
+  int32_t largest; /* unknowns of the largest aggregate */
+  int32_t *local;  /* the index in its aggregate of each unknown */
+} modes_job;
+
+static double stiffness(const modes_job *j, int32_t half_edge) {
+  return ms_scene_stiffness(j->model->scene, j->model->springs.spring[half_edge / 2]);
+}
+
+/* Clear the rows of u as far as the Laplacian of the aggregate rows[0..n) fills the factor. Returns
+ * the largest stiffness. */
+static double prepare_band(const modes_job *j, const int32_t *rows, int32_t n,
+                           ms_modes_workspace *w) {
+  const ms_buckets *edges = &j->graph->of;
+  const int32_t *of = j->a->of;
+  double largest = 0;
+  for (int32_t i = 0; i < n; i++) {
+    w->end[i] = i > 0 && w->end[i - 1] > i ? w->end[i - 1] : i + 1;
+    for (int32_t e = edges->first[rows[i]]; e < edges->first[rows[i] + 1]; e++) {
+      const int32_t other = j->graph->row[edges->item[e] ^ 1];
+      if (of[other] != of[rows[i]]) continue;
+      largest = fmax(largest, stiffness(j, edges->item[e]));
+      if (j->local[other] >= w->end[i]) w->end[i] = j->local[other] + 1;
+    }
+    for (int32_t k = i; k < w->end[i]; k++) w->u[i * n + k] = 0;
+  }
+  return largest;
+}
+
+/* u = the upper triangle of the Laplacian of the aggregate rows[0..n), in units of its stiffest
+ * spring. Returns the mean of its diagonal. */
+static double assemble_laplacian(const modes_job *j, const int32_t *rows, int32_t n,
+                                 ms_modes_workspace *w) {
+  const ms_buckets *edges = &j->graph->of;
+  const int32_t *of = j->a->of;
+  const double largest = prepare_band(j, rows, n, w);
+  double sum = 0, *u = w->u;
+  for (int32_t i = 0; i < n && largest > 0; i++) {
+    for (int32_t e = edges->first[rows[i]]; e < edges->first[rows[i] + 1]; e++) {
+      const int32_t other = j->graph->row[edges->item[e] ^ 1];
+      if (of[other] != of[rows[i]]) continue;
+      const double k = stiffness(j, edges->item[e]) / largest;
+      if (j->local[other] > i) u[i * n + j->local[other]] -= k;
+      u[i * n + i] += k;
+      sum += k;
+    }
+  }
+  return sum / n;
+}
+
+/* w->v = the modes of the aggregate rows[0..n) */
+static void compute_modes(const modes_job *j, const int32_t *rows, int32_t n,
+                          ms_modes_workspace *w) {
+  const double mean = assemble_laplacian(j, rows, n, w);
+  for (int32_t i = 0; i < n; i++) w->v[i][0] = 1;
+  ms_modes_iterate(n, mean, w);
 }
 
 /*------------------------------------- all aggregates -------------------------------------------*/
@@ -135,7 +146,7 @@ static void compute_modes(const modes_job *j, const int32_t *rows, int32_t n, wo
 typedef struct modes_share {
   const modes_job *job;
   int32_t begin, end;
-  workspace w;
+  ms_modes_workspace w;
 } modes_share;
 
 static void compute_share(void *data, int32_t item) {
@@ -150,23 +161,18 @@ static void compute_share(void *data, int32_t item) {
 }
 
 static int create_shares(const modes_job *j, int32_t n, modes_share *shares) {
-  const msim_allocator *alloc = &j->model->scene->alloc;
-  const size_t size = (size_t)j->largest;
   int fits = 1;
   for (int32_t i = 0; i < n && fits; i++) {
-    workspace *w = &shares[i].w;
     shares[i].job = j;
     shares[i].begin = (int32_t)((int64_t)j->a->n * i / n);
     shares[i].end = (int32_t)((int64_t)j->a->n * (i + 1) / n);
-    fits = MS_NEW(alloc, w->u, size * size) && MS_NEW(alloc, w->v, size) &&
-           MS_NEW(alloc, w->end, size);
+    fits = ms_modes_create_workspace(&j->model->scene->alloc, j->largest, &shares[i].w);
   }
   return fits;
 }
 
 static void destroy_shares(const msim_allocator *alloc, int32_t n, modes_share *shares) {
-  for (int32_t i = 0; shares && i < n; i++)
-    MS_FREE(alloc, shares[i].w.u, shares[i].w.v, shares[i].w.end);
+  for (int32_t i = 0; shares && i < n; i++) ms_modes_destroy_workspace(alloc, &shares[i].w);
   ms_memory_free(alloc, shares);
 }
 
