@@ -47,6 +47,18 @@ void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *isl
   *islands = (ms_whole_islands){0};
 }
 
+void ms_rank_part_forget_whole(const msim_allocator *alloc, ms_rank_part *part) {
+  MS_FREE(alloc, part->owner, part->all);
+  part->owner = NULL, part->all = NULL;
+}
+
+int ms_rank_part_provide_whole(const ms_scene *scene, ms_rank_part *part) {
+  int64_t nfree = 0;
+  for (int32_t r = 0; r < part->ranks->n; r++) nfree += ms_rank_part_count(part, r);
+  return MS_NEW(&scene->alloc, part->owner, scene->nparticles) &&
+         MS_NEW(&scene->alloc, part->all, nfree);
+}
+
 msim_status ms_rank_part_keep_islands(const msim_allocator *alloc, ms_rank_part *part,
                                       ms_whole_islands *islands, msim_error *err) {
   int32_t *place, n = 0;

@@ -52,6 +52,11 @@ msim_status ms_rank_part_keep_islands(const msim_allocator *alloc, ms_rank_part 
  * be destroyed. */
 msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
                                 msim_error *err);
+
+/* Free what refers to the whole scene; make room for it again: 0 without memory. */
+void ms_rank_part_forget_whole(const msim_allocator *alloc, ms_rank_part *part);
+int ms_rank_part_provide_whole(const ms_scene *scene, ms_rank_part *part);
+
 void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part);
 
 /* The part of this rank as the only island, whatever springs connect. Its first pinned particles

@@ -93,11 +93,13 @@ static int cut_slice(const msim_sim *sim, ms_rank_scene *kept) {
   kept->is = sim->section ? sim->section->is
                           : ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
   const ms_section *is = &kept->is;
-  const int fits = MS_NEW(alloc, particle, is->n + is->nothers) &&
+  const int fits = MS_NEW(alloc, kept->owner, is->n) &&
+                   MS_NEW(alloc, particle, is->n + is->nothers) &&
                    MS_NEW(alloc, spring, is->nsprings + is->nother_springs) &&
                    (!kept->has_rows || MS_NEW(alloc, place, sim->scene->nparticles)) &&
                    cut_rows(sim, kept, particle, spring, place);
   MS_FREE(alloc, particle, spring, place);
+  for (int32_t i = 0; i < is->n && fits; i++) kept->owner[i] = sim->part->owner[is->first + i];
   if (kept->has_rows) set_rows(kept, kept->slice, is);
   return fits;
 }
@@ -105,7 +107,7 @@ static int cut_slice(const msim_sim *sim, ms_rank_scene *kept) {
 void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept) {
   if (!kept) return;
   ms_scene_release(kept->slice);
-  MS_FREE(alloc, kept->particle, kept->spring, kept);
+  MS_FREE(alloc, kept->particle, kept->spring, kept->owner, kept);
 }
 
 /* Replace the scene of the sim, whose model gets other numbers. */
@@ -130,6 +132,7 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err) {
   if (!status) {
     set_scene(sim, own, &map);
     sim->kept = kept;
+    ms_rank_part_forget_whole(&sim->alloc, sim->part);
   } else {
     ms_scene_release(own);
     ms_rank_scene_destroy(&sim->alloc, kept);
@@ -237,12 +240,23 @@ static void move_source(ms_scene *from, ms_scene *to) {
   to->source = from->source, from->source = NULL;
 }
 
+static void gather_owners(const msim_sim *sim, const ms_scene *whole, int32_t *owner) {
+  const field f = {PARTICLES, sizeof *owner, sim->kept->owner, VALUES};
+  gather_field(sim, whole, ALL_RANKS, &f, NULL, owner);
+}
+
 msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err) {
   ms_rank_scene *kept = sim->kept;
   if (!kept) return MSIM_OK;
   ms_scene *whole = create_whole(kept);
-  const msim_status status = gather_fields(sim, ALL_RANKS, MOST_FIELDS, whole, whole != NULL, err);
+  const int fits = whole && ms_rank_part_provide_whole(whole, sim->part);
+  msim_status status = gather_fields(sim, ALL_RANKS, MOST_FIELDS, whole, fits, err);
+  if (!status) {
+    gather_owners(sim, whole, sim->part->owner);
+    status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
+  }
   if (status) {
+    ms_rank_part_forget_whole(&sim->alloc, sim->part);
     ms_scene_release(whole);
     return status;
   }
@@ -280,6 +294,22 @@ msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topolo
                    MS_NEW(&s->alloc, s->faces, 3 * (size_t)kept->nfaces) &&
                    MS_NEW(&s->alloc, s->pinned, kept->nparticles);
   return gather_fields(sim, ALL_RANKS, PINS + 1, s, fits, err);
+}
+
+msim_status ms_rank_scene_gather_owners(const msim_sim *sim, const ms_scene *topology,
+                                        int32_t **owner, msim_error *err) {
+  *owner = sim->part->owner;
+  if (!sim->kept) return MSIM_OK;
+  const int fits = MS_NEW(&sim->alloc, *owner, sim->kept->nparticles) != NULL;
+  const msim_status status = ms_ranks_agree(
+      sim->ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame"), err);
+  if (status) return status;
+  gather_owners(sim, topology, *owner);
+  return ms_ranks_agree(sim->ranks, MSIM_OK, err);
+}
+
+void ms_rank_scene_free_owners(const msim_sim *sim, int32_t *owner) {
+  if (sim->kept) ms_memory_free(&sim->alloc, owner);
 }
 
 /* What the section has of an array of the whole scene */

@@ -14,6 +14,7 @@
 typedef struct ms_rank_scene {
   int32_t nparticles, nsprings, nfaces; /* of the whole scene */
   int32_t *particle, *spring;           /* of each one of sim->scene: its number there */
+  int32_t *owner;                       /* is.n: of particles of the slice, as in ms_rank_part */
   ms_scene *slice;
   ms_section is;   /* what the slice has, in numbers of the whole scene */
   ms_section rows; /* the same in those of the slice, which are rows of the section */
@@ -37,6 +38,12 @@ void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole);
  * Collective */
 msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topology,
                                           msim_error *err);
+
+/* The owner of each particle of the whole scene: those of sim->part, or else a copy to be freed by
+ * ms_rank_scene_free_owners, also after an error. Collective */
+msim_status ms_rank_scene_gather_owners(const msim_sim *sim, const ms_scene *topology,
+                                        int32_t **owner, msim_error *err);
+void ms_rank_scene_free_owners(const msim_sim *sim, int32_t *owner);
 
 /* Let the slice have the other particles and springs of a section, too. Collective; on failure
  * nothing changes. */

@@ -11,6 +11,7 @@ typedef struct requests {
   int64_t *nin, *nout;           /* nranks: particles wanted from each rank, and by it */
   int64_t *in_bytes, *out_bytes; /* nranks: scratch */
   int64_t *in, *out;             /* their numbers, by rank */
+  int32_t *owner;                /* of each particle of the scene */
 } requests;
 
 static int32_t count_rows(const ms_rank_section *s) { return s->is.n + s->is.nothers; }
@@ -44,14 +45,14 @@ static int list_others(const msim_sim *sim, const ms_scene *scene, ms_rank_secti
 }
 
 /* Sort the rows of free particles by their owners. */
-static int sort_rows(const msim_sim *sim, ms_rank_section *s) {
+static int sort_rows(const msim_sim *sim, const int32_t *owner, ms_rank_section *s) {
   const int32_t n = count_rows(s);
-  int32_t *owner;
-  if (!MS_NEW(&sim->alloc, owner, n)) return 0;
+  int32_t *of;
+  if (!MS_NEW(&sim->alloc, of, n)) return 0;
   for (int32_t i = 0; i < n; i++)
-    owner[i] = sim->part->owner[ms_section_particle(&s->is, (size_t)i)]; /* MS_NO_OWNER: none */
-  const int fits = ms_buckets_create(&sim->alloc, n, owner, sim->ranks->n, &s->in);
-  ms_memory_free(&sim->alloc, owner);
+    of[i] = owner[ms_section_particle(&s->is, (size_t)i)]; /* MS_NO_OWNER: none */
+  const int fits = ms_buckets_create(&sim->alloc, n, of, sim->ranks->n, &s->in);
+  ms_memory_free(&sim->alloc, of);
   return fits;
 }
 
@@ -60,7 +61,7 @@ static int list_wanted(const msim_sim *sim, const ms_scene *scene, ms_rank_secti
   const msim_allocator *alloc = &sim->alloc;
   const size_t n = (size_t)sim->ranks->n;
   s->is = ms_section_of_rank(scene, sim->ranks->rank, sim->ranks->n);
-  if (!list_others(sim, scene, s) || !sort_rows(sim, s)) return 0;
+  if (!list_others(sim, scene, s) || !sort_rows(sim, q->owner, s)) return 0;
   const int32_t rows = count_rows(s), nin = s->in.first[n];
   if (!MS_NEW(alloc, s->x, 3 * (size_t)rows) || !MS_NEW(alloc, s->v, 3 * (size_t)rows) ||
       !MS_NEW(alloc, s->send_bytes, n) || !MS_NEW(alloc, s->receive_bytes, n) ||
@@ -124,11 +125,13 @@ msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
   ms_scene *topology;
   if (sim->section) return MSIM_OK;
   msim_status status = ms_rank_scene_gather_topology(sim, &topology, err);
+  if (!status) status = ms_rank_scene_gather_owners(sim, topology, &q.owner, err);
   if (!status) {
     MS_NEW(alloc, sim->section, 1);
     status = connect(sim, topology, sim->section, &q, err);
     MS_FREE(alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
   }
+  ms_rank_scene_free_owners(sim, q.owner);
   if (!status) status = ms_rank_scene_extend(sim, &sim->section->is, topology, err);
   ms_scene_release(topology);
   if (status) ms_rank_section_destroy(sim);
