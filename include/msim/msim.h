@@ -137,6 +137,7 @@ typedef struct msim_stats {
   int64_t kept_factors;     /* solves preconditioned by a lagged factorization or coarse factor */
   int64_t refinements;      /* corrections of a solution above solver.rtol */
   int64_t fallbacks;        /* changes of solver by solver = auto */
+  /* force_s of scenes with fewer than 1000 springs is estimated from some of the evaluations */
   double total_s, force_s, assemble_s, factor_s, solve_s, collide_s, output_s;
   int64_t steps_at_rest;      /* those of `steps` that were skipped: the scene was at rest */
   int64_t islands_at_rest;    /* steps of single islands that were skipped for that reason */
