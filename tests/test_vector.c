@@ -85,6 +85,65 @@ static void two_sums_are_those_of_each(void **state) {
     }
 }
 
+/* Vectors of 3 components with, if they are single, those of the errors behind them; all numbers
+ * are written, so that padding is seen, too. */
+typedef union numbers {
+  double of[MOST];
+  float singles[2 * MOST];
+} numbers;
+
+static void fill(int single, uint32_t first, numbers *x) {
+  for (uint32_t q = 0; q < (single ? 2 : 1) * MOST; q++) {
+    const double entry = ms_vector_random_entry(first + q);
+    if (single) x->singles[q] = (float)(q < MOST ? entry : 1e-8 * entry);
+    else x->of[q] = entry;
+  }
+}
+
+/* All loops of one instruction set, one after the other; the sum is that of the dot products. */
+static double run_loops(ms_shape shape, numbers v[4]) {
+  ms_vector_scale(shape, 1.1, v[0].of);
+  ms_vector_axpy(shape, -0.7, v[0].of, v[1].of);
+  ms_vector_add_scaled(shape, v[1].of, 0.3, v[2].of, v[2].of);
+  ms_vector_add_two_scaled(shape, v[2].of, 0.9, v[0].of, -1.3, v[1].of, v[3].of);
+  ms_vector_three_term(shape, v[3].of, 0.6, v[1].of, 0.2, v[2].of, 0.1, v[0].of, v[1].of);
+  return ms_vector_dot(shape, v[1].of, v[2].of) - ms_vector_dot(shape, v[3].of, v[3].of);
+}
+
+static void loops_have_the_bits_of_the_baseline(void **state) {
+  (void)state;
+  numbers expected[4], v[4];
+  for (int k = 0; k < 2 * (ms_isa_choose() + 1); k++)
+    for (int32_t rows = 0; rows <= ROWS; rows++) {
+      const int single = k % 2;
+      for (uint32_t i = 0; i < 4; i++) fill(single, 1000 * i, &expected[i]);
+      memcpy(v, expected, sizeof v);
+      const double sum = run_loops((ms_shape){rows, STRIDE, 3, 0, single, NULL}, expected);
+      assert_true(run_loops((ms_shape){rows, STRIDE, 3, k / 2, single, NULL}, v) == sum);
+      assert_memory_equal(v, expected, sizeof v);
+    }
+}
+
+/* y = y0 + a (y1 - y0) + b (y2 - y0) + c f and the others, number by number */
+static void loops_compute_their_formulas(void **state) {
+  (void)state;
+  const double x = 0.3, y = -0.4, z = 0.7, f = 0.9;
+  const ms_shape shape = {1, 1, 1, ms_isa_choose(), 0, NULL};
+  double to = x;
+  ms_vector_scale(shape, 1.1, &to);
+  assert_true(to == x * 1.1);
+  to = y;
+  ms_vector_axpy(shape, 2, &x, &to);
+  assert_true(to == y + 2 * x);
+  ms_vector_add_scaled(shape, &x, 3, &y, &to);
+  assert_true(to == x + 3 * y);
+  ms_vector_add_two_scaled(shape, &x, 3, &y, 5, &z, &to);
+  assert_true(to == x + (3 * y + 5 * z));
+  ms_vector_three_term(shape, &x, 3, &y, 5, &z, 7, &f, &to);
+  assert_true(to == x + (3 * (y - x) + 5 * (z - x) + 7 * f));
+  assert_true(ms_vector_dot(shape, &x, &y) == x * y);
+}
+
 static void the_largest_is_found(void **state) {
   (void)state;
   const ms_shape shape = {.n = 3, .stride = 4, .dims = 2};
@@ -93,8 +152,11 @@ static void the_largest_is_found(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(bad_numbers_are_found), cmocka_unit_test(sums_have_the_same_bits),
-      cmocka_unit_test(two_sums_are_those_of_each), cmocka_unit_test(the_largest_is_found)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(bad_numbers_are_found),
+                                     cmocka_unit_test(sums_have_the_same_bits),
+                                     cmocka_unit_test(two_sums_are_those_of_each),
+                                     cmocka_unit_test(loops_have_the_bits_of_the_baseline),
+                                     cmocka_unit_test(loops_compute_their_formulas),
+                                     cmocka_unit_test(the_largest_is_found)};
   return cmocka_run_group_tests_name("vector", tests, NULL, NULL);
 }

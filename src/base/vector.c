@@ -7,48 +7,14 @@
 #include "base/vector_kernels.h"
 
 MS_TABLES(ms_vector_kernels);
-
-/* loops over the components, which start at x[at], and over the rows r of one */
-#define EACH_COMPONENT(s)                                                      \
-  for (size_t at = 0, end_ = (size_t)(s).dims * (size_t)(s).stride; at < end_; \
-       at += (size_t)(s).stride)
-/* the same over all components that a vector has, errors of sums included */
-#define EACH_PART(s)                                                                     \
-  for (size_t at = 0, end_ = (size_t)ms_vector_count_components(s) * (size_t)(s).stride; \
-       at < end_; at += (size_t)(s).stride)
-#define EACH_ROW(s) for (int32_t r = 0; r < (s).n; r++)
-
-enum { LANES = 8, CHUNK = 1024 };
+MS_TABLES(ms_vector_loop_kernels);
 
 size_t ms_vector_number_size(ms_shape s) { return s.single ? sizeof(float) : sizeof(double); }
 
 int32_t ms_vector_count_components(ms_shape s) { return s.single ? 2 * s.dims : s.dims; }
 
-/* *sum = *x + more */
-static inline void add_double(ms_shape s, const double *x, double more, double *sum) {
-  (void)s;
-  *sum = *x + more;
-}
-
-static inline void add_float(ms_shape s, const float *x, float more, float *sum) {
-  const size_t error = (size_t)s.dims * (size_t)s.stride;
-  const float before = *x, change = more + x[error], after = before + change;
-  *sum = after, sum[error] = change - (after - before);
-}
-
-#define REAL       double
-#define LOOP(name) name##_double
-#include "base/vector_loops.h"
-#undef REAL
-#undef LOOP
-
-#define REAL       float
-#define LOOP(name) name##_float
-#include "base/vector_loops.h"
-
-/* The loop over the numbers that vectors of shape s have */
-#define CALL(s, loop, ...) \
-  ((s).single ? loop##_float(s, __VA_ARGS__) : loop##_double(s, __VA_ARGS__))
+/* The loops over the numbers that vectors of shape s have */
+#define LOOPS(s) (&ms_vector_loop_kernels_of[(s).isa]->of[(s).single != 0])
 
 void ms_vector_copy(ms_shape s, const void *x, void *y) {
   const size_t size = ms_vector_number_size(s);
@@ -63,22 +29,22 @@ void ms_vector_clear_all(ms_shape s, void *x) {
   memset(x, 0, (size_t)s.dims * (size_t)s.stride * sizeof(double));
 }
 
-void ms_vector_scale(ms_shape s, double a, void *x) { CALL(s, scale, a, x); }
+void ms_vector_scale(ms_shape s, double a, void *x) { LOOPS(s)->scale(s, a, x); }
 
-void ms_vector_axpy(ms_shape s, double a, const void *x, void *y) { CALL(s, axpy, a, x, y); }
+void ms_vector_axpy(ms_shape s, double a, const void *x, void *y) { LOOPS(s)->axpy(s, a, x, y); }
 
 void ms_vector_add_scaled(ms_shape s, const void *x, double a, const void *y, void *z) {
-  CALL(s, add_scaled, x, a, y, z);
+  LOOPS(s)->add_scaled(s, x, a, y, z);
 }
 
 void ms_vector_add_two_scaled(ms_shape s, const void *x, double a, const void *y, double b,
                               const void *z, void *w) {
-  CALL(s, add_two_scaled, x, a, y, b, z, w);
+  LOOPS(s)->add_two_scaled(s, x, a, y, b, z, w);
 }
 
 void ms_vector_three_term(ms_shape s, const void *y0, double a, const void *y1, double b,
                           const void *y2, double c, const void *f, void *y) {
-  CALL(s, three_term, y0, a, y1, b, y2, c, f, y);
+  LOOPS(s)->three_term(s, y0, a, y1, b, y2, c, f, y);
 }
 
 void ms_vector_linear_combination(ms_shape s, const double *x, int n, const double *w,
@@ -100,12 +66,12 @@ void ms_vector_scale_rows(ms_shape s, const double *d, const double *f, double *
 }
 
 double ms_vector_dot(ms_shape s, const void *x, const void *y) {
-  double sum = CALL(s, dot, x, y);
+  double sum = LOOPS(s)->dot(s, x, y);
   if (s.ranks) ms_ranks_sum(s.ranks, 1, &sum);
   return sum;
 }
 
-int ms_vector_is_zero(ms_shape s, const void *x) { return CALL(s, is_zero, x); }
+int ms_vector_is_zero(ms_shape s, const void *x) { return LOOPS(s)->is_zero(s, x); }
 
 int ms_vector_is_equal(ms_shape s, const void *x, const void *y) {
   const size_t size = ms_vector_number_size(s);
@@ -117,9 +83,9 @@ int ms_vector_is_equal(ms_shape s, const void *x, const void *y) {
 }
 
 int32_t ms_vector_find_invalid(ms_shape s, const void *x) {
-  if (s.single) return find_above_float(s, MS_LARGEST_VALID_SINGLE, x);
+  if (s.single) return LOOPS(s)->find_above(s, MS_LARGEST_VALID_SINGLE, x);
   if (ms_vector_kernels_of[s.isa]->is_valid(s, x)) return -1;
-  return find_above_double(s, MS_LARGEST_VALID, x);
+  return LOOPS(s)->find_above(s, MS_LARGEST_VALID, x);
 }
 
 int32_t ms_vector_find_largest(ms_shape s, const double *x) {

@@ -1,5 +1,5 @@
-/* vector_loops - the loops of vector.c over numbers of type REAL, in functions whose names LOOP
- * makes; vector.c includes it once for doubles and once for floats. */
+/* vector_loops - the loops of vector.h over numbers of type REAL, in functions whose names LOOP
+ * makes; vector_loop_kernels.c includes it once for doubles and once for floats. */
 
 static void LOOP(scale)(ms_shape s, double by, void *vec) {
   const REAL a = (REAL)by;
