@@ -13,7 +13,7 @@
 /*------------------------------------- a recorder in memory -------------------------------------*/
 
 enum { MOST_FRAMES = 8 };
-enum { OPENS, JOINS, BEGINS, PARTS, COMMITS, CLOSES, CALLS };
+enum { OPENS, JOINS, BEGINS, PARTS, COMMITS, CLOSES, PIECES, CALLS };
 
 /* The only file, which all ranks write */
 static struct {
@@ -23,6 +23,8 @@ static struct {
   float *strain, *tension; /* ncells a frame */
   float *reaction;         /* 3 n a frame */
   uint64_t hash[MOST_FRAMES];
+  uint64_t text_hash; /* of the text of the scene, and its bytes */
+  size_t text_length;
   double t[MOST_FRAMES];
   int committed;
   atomic_int calls[CALLS], rows, cells;
@@ -39,7 +41,29 @@ static msim_status count_call(const msim_host *host, int call) {
   return MSIM_ERR_IO;
 }
 
+static void add_text(const char *text, size_t length) {
+  for (size_t i = 0; i < length; i++)
+    file.text_hash = (file.text_hash ^ (unsigned char)text[i]) * UINT64_C(0x100000001b3);
+  file.text_length += length;
+}
+
+static msim_status take_piece(void *user, const char *piece, size_t length) {
+  add_text(piece, length);
+  return count_call(user, PIECES);
+}
+
+/* In pieces where several ranks share a scene without a text of its own */
+static msim_status read_text(const msim_host *host, const msim_recording *what) {
+  msim_status status = MSIM_OK;
+  file.text_hash = file.text_length = 0;
+  if (what->scene) add_text(what->scene, what->scene_length);
+  else status = what->read_scene(what, take_piece, (void *)(uintptr_t)host);
+  return status || file.text_length == what->scene_length ? status : MSIM_ERR_ARG;
+}
+
 static msim_status open_file(const msim_host *host, const msim_recording *what, void **self) {
+  const msim_status status = read_text(host, what);
+  if (status) return status;
   file.n = what->n, file.ncells = (int64_t)what->nsprings + what->nfaces, file.committed = 0;
   const size_t numbers = MOST_FRAMES * 3 * (size_t)what->n * sizeof(double),
                cells = MOST_FRAMES * (size_t)file.ncells * sizeof(float);
@@ -111,7 +135,8 @@ static const msim_recorder_type in_memory = {.abi = MSIM_RECORDER_ABI,
                                              .join = join_file,
                                              .begin = begin_frame,
                                              .write_part = write_part,
-                                             .commit = commit_frame};
+                                             .commit = commit_frame,
+                                             .reads_scene = 1};
 static const msim_recorder_type *const recorders[] = {&in_memory, NULL};
 
 /*------------------------------------- runs -----------------------------------------------------*/
@@ -204,7 +229,7 @@ static msim_scene *upright_cloth(void) {
 enum { FRAMES = 5 };
 
 static void check_calls(int32_t n) {
-  const int calls[CALLS] = {1, n - 1, FRAMES, FRAMES * n, FRAMES, n};
+  const int calls[CALLS] = {1, n - 1, FRAMES, FRAMES * n, FRAMES, n, 1};
   assert_int_equal(file.committed, FRAMES);
   for (int k = 0; k < CALLS; k++) assert_int_equal(file.calls[k], calls[k]);
   assert_int_equal(file.rows, FRAMES * file.n);
@@ -227,12 +252,15 @@ static void check_rows(const msim_scene *scene, int pins) {
   float *strain = copy_bytes(file.strain, cells * sizeof *strain),
         *tension = copy_bytes(file.tension, cells * sizeof *tension),
         *reaction = copy_bytes(file.reaction, n * sizeof *reaction);
+  const uint64_t text_hash = file.text_hash;
   assert_int_equal(file.committed, FRAMES);
+  assert_int_equal(file.calls[PIECES], 0);
   for (int32_t ranks = 2; ranks <= MOST_RANKS; ranks++) {
     set_failure(-1, -1);
     record(scene, ranks,
            (recorded_run){.path = "several.memory", .steps = 20, .asks = ranks % 2, .pins = pins});
     check_calls(ranks);
+    assert_true(file.text_hash == text_hash && file.text_length > 1000);
     assert_memory_equal(file.x, x, n * sizeof *x);
     assert_memory_equal(file.v, v, n * sizeof *v);
     assert_memory_equal(file.strain, strain, cells * sizeof *strain);
@@ -257,8 +285,8 @@ static void one_rank_that_fails(void **state) {
   const struct {
     int32_t rank;
     int call, commits;
-  } cases[] = {{0, OPENS, 0}, {2, JOINS, 0},   {0, BEGINS, 0}, {0, PARTS, 0},
-               {1, PARTS, 0}, {0, COMMITS, 1}, {0, CLOSES, 5}, {2, CLOSES, 5}};
+  } cases[] = {{0, OPENS, 0},   {2, JOINS, 0},  {0, BEGINS, 0}, {0, PARTS, 0}, {1, PARTS, 0},
+               {0, COMMITS, 1}, {0, CLOSES, 5}, {2, CLOSES, 5}, {0, PIECES, 0}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     set_failure(cases[i].rank, cases[i].call);
     record(scene, 3, (recorded_run){.path = "failed.memory", .steps = 20, .expected = MSIM_ERR_IO});
@@ -269,6 +297,7 @@ static void one_rank_that_fails(void **state) {
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
+enum { PIECE = 1 << 17 };               /* most bytes of a piece of text */
 enum { ROPE = 20000, SCENE = 57 + 32 }; /* bytes of a particle and a spring in a scene */
 
 /* Particles and springs in the same order: a rank writes n / N of both, with one more particle. */
@@ -312,8 +341,8 @@ static size_t measure_alone(void) {
  *
  * A frame takes of each x, v, what is sent and received, with the numbers of these: 48 + 2 x 12
  * bytes a row, and 8 bytes a spring; while these are looked for the ends of all springs, the pins
- * and one more array, 8 + 1 + 24. Rank 0 also has the whole scene, and its text, while it makes the
- * file. */
+ * and one more array, 8 + 1 + 24. Rank 0 also has the whole scene, and a piece of its text, while
+ * it makes the file. */
 static const char *measure_rank(msim_comm *comm, void *data) {
   static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the arrays of make_rope */
   peak_allocator m = {0};
@@ -345,6 +374,8 @@ static const char *measure_rank(msim_comm *comm, void *data) {
   }
   EXPECT(m.live == opened && opened - created <= 80 * rows + rest);
   EXPECT(comm->rank == 0 || m.peak - created <= 200 * rows + 33 * ROPE + rest);
+  EXPECT(m.peak - created <= 200 * rows + SCENE * ROPE + PIECE + rest);
+  EXPECT(comm->rank > 0 || (file.calls[PIECES] > 5 && file.text_length > 5 * PIECE / 2));
   EXPECT(msim_sim_state(sim, &whole) == MSIM_OK);
   EXPECT(m.live - opened <= (48 + SCENE) * (size_t)ROPE + rest);
   EXPECT(msim_recorder_close(recorder, &why) == MSIM_OK);

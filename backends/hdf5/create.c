@@ -101,6 +101,33 @@ static void create_cells(recorder *r, const char *kind, int64_t cells, int64_t c
   h5_drop(r, H5Dclose, offsets);
 }
 
+/* Where the next piece of the text belongs, and its hash */
+typedef struct scene_writer {
+  recorder *r;
+  hid_t dataset;
+  hsize_t at;
+  hash hash;
+} scene_writer;
+
+static msim_status put_piece(void *user, const char *piece, size_t length) {
+  scene_writer *w = user;
+  h5_put(w->r, w->dataset, BYTE, w->at, length, piece);
+  for (size_t i = 0; i < length; i++)
+    h5_hash_words(&w->hash, 1, &(uint64_t){(unsigned char)piece[i]});
+  w->at += length;
+  return w->r->fault.status;
+}
+
+static void create_scene(recorder *r, const msim_recording *what) {
+  hid_t dataset = create_dataset(r, "/msim/scene", BYTE, (hsize_t)what->scene_length, 0);
+  scene_writer w = {.r = r, .dataset = dataset, .hash = {0, h5_scene_words(what)}};
+  if (what->scene) put_piece(&w, what->scene, what->scene_length);
+  else if (what->read_scene && what->read_scene(what, put_piece, &w) && !r->fault.status)
+    h5_fail(r, MSIM_ERR_MEMORY, "out of memory for the text of the scene");
+  r->scene_hash = w.hash.sum;
+  h5_drop(r, H5Dclose, dataset);
+}
+
 static void create_constants(recorder *r, const msim_recording *what) {
   create_constant(r, "/VTKHDF/NumberOfPoints", WHOLE, 2, (int64_t[]){what->n, 0});
   create_cells(r, "Vertices", 0, 1, NULL);
@@ -112,7 +139,7 @@ static void create_constants(recorder *r, const msim_recording *what) {
   create_cell_data(r, "/VTKHDF/CellData/Stiffness", what->nsprings, what->k);
   create_cell_data(r, "/VTKHDF/CellData/RestLength", what->nsprings, what->rest);
   create_cell_data(r, "/VTKHDF/CellData/Damping", what->nsprings, what->damping);
-  create_constant(r, "/msim/scene", BYTE, (int64_t)what->scene_length, what->scene);
+  create_scene(r, what);
   create_constant(r, "/msim/planes", PLANE, what->nplanes, what->planes);
   r->count = create_dataset(r, "/msim/frames/NCommitted", WHOLE, 1, 0);
   h5_put(r, r->count, WHOLE, 0, 1, &(int64_t){0});
@@ -156,7 +183,7 @@ static void create_attributes(recorder *r, const msim_recording *what) {
   create_attribute(r, "/msim", "format", H5T_NATIVE_INT64, 0, &(int64_t){FORMAT});
   create_text(r, "/msim", "creator", "msim 0.1.0");
   create_attribute(r, "/msim", "static_hash", H5T_NATIVE_INT64, 0,
-                   &(uint64_t){h5_static_hash(what)});
+                   &(uint64_t){h5_static_hash(what, r->scene_hash)});
 }
 
 /*------------------------------------- the whole ------------------------------------------------*/

@@ -17,8 +17,9 @@ typedef struct recorder {
                         to be uncommitted */
   double planned_t;  /* planned time of the last of them, s */
   int sync;
-  size_t capacity; /* size of a checkpoint, bytes; 0: no slots */
-  uint64_t *words; /* the slot that a file is resumed from; else NULL */
+  size_t capacity;     /* size of a checkpoint, bytes; 0: no slots */
+  uint64_t scene_hash; /* of the text of the scene, while the file is created */
+  uint64_t *words;     /* the slot that a file is resumed from; else NULL */
   fault fault;
   char operation[96]; /* present operation, for messages */
   char name[];        /* name of the file, for messages */

@@ -50,9 +50,12 @@ uint64_t h5_frame_rest_hash(int64_t n, const msim_frame *frame) {
   return h.sum;
 }
 
-uint64_t h5_static_hash(const msim_recording *what) {
+uint64_t h5_scene_words(const msim_recording *what) {
+  return 3 + (uint64_t)what->n + 4 * (uint64_t)what->nsprings;
+}
+
+uint64_t h5_static_hash(const msim_recording *what, uint64_t scene_hash) {
   const size_t n = (size_t)what->n, nsprings = (size_t)what->nsprings;
-  const unsigned char *scene = (const unsigned char *)what->scene;
   hash h = {0, 0};
   h5_hash_words(&h, 2, (int64_t[]){what->n, what->nsprings});
   for (size_t i = 0; i < 2 * nsprings; i++) h5_hash_words(&h, 1, &(int64_t){what->ij[i]});
@@ -60,7 +63,7 @@ uint64_t h5_static_hash(const msim_recording *what) {
   h5_hash_words(&h, nsprings, what->k);
   h5_hash_words(&h, nsprings, what->rest);
   h5_hash_words(&h, 1, &(uint64_t){what->scene_length});
-  for (size_t i = 0; i < what->scene_length; i++) h5_hash_words(&h, 1, &(uint64_t){scene[i]});
+  h.sum += scene_hash, h.count += what->scene_length;
   for (size_t i = 0; i < 3 * (size_t)what->nfaces; i++)
     h5_hash_words(&h, 1, &(int64_t){what->faces[i]});
   return h.sum;

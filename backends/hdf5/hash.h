@@ -20,6 +20,8 @@ uint64_t h5_slot_bytes_hash(size_t first, const void *bytes, size_t size);
 /* Hash of a frame of n particles: of the v and x of some, and of what is left */
 uint64_t h5_rows_hash(int64_t n, const msim_frame *frame, int64_t first, int64_t rows);
 uint64_t h5_frame_rest_hash(int64_t n, const msim_frame *frame);
-uint64_t h5_static_hash(const msim_recording *what);
+/* The number of words before the text of the scene, and the hash of all with that of the text */
+uint64_t h5_scene_words(const msim_recording *what);
+uint64_t h5_static_hash(const msim_recording *what, uint64_t scene_hash);
 
 #endif

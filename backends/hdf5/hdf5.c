@@ -232,6 +232,7 @@ MSIM_RECORDER_ENTRY(hdf5) {
       .begin = begin_frame,
       .write_part = write_part,
       .commit = commit_frame,
+      .reads_scene = 1,
   };
   return &type;
 }

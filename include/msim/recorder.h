@@ -52,6 +52,12 @@ typedef struct msim_recording {
   double gravity[3];        /* m/s^2 */
   int32_t ncolliders;
   const msim_collider *colliders; /* ncolliders, one every colliders->size bytes */
+  /* NULL, or `scene` is NULL: calls put for each piece of the text, one behind the other, as long
+   * as that returns MSIM_OK; returns the status of put, or why the text cannot be written */
+  msim_status (*read_scene)(const struct msim_recording *what,
+                            msim_status (*put)(void *user, const char *piece, size_t length),
+                            void *user);
+  const void *scene_source; /* of read_scene */
 } msim_recording;
 
 /* One state. Valid during write() only. */
@@ -146,6 +152,8 @@ struct msim_recorder_type {
                             msim_frame_hash *hash);
   msim_status (*commit)(void *self, const msim_frame *frame, const msim_frame_part *part,
                         const msim_frame_hash *hash);
+  /* 1: open() gets a long text of the scene by read_scene, where several ranks share the scene. */
+  int32_t reads_scene;
 };
 
 #define MSIM_RECORDER_SIZE_1 (offsetof(msim_recorder_type, close) + sizeof(void (*)(void *)))

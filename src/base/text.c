@@ -71,6 +71,13 @@ void ms_text_append(ms_text *text, const char *format, ...) {
   }
   va_end(again);
   va_end(args);
+  if (text->length >= MS_TEXT_PIECE) ms_text_flush(text);
+}
+
+void ms_text_flush(ms_text *text) {
+  if (!text->take || text->failed) return;
+  if (text->length && !text->take(text->user, text->data, text->length)) text->failed = 1;
+  text->length = 0;
 }
 
 void ms_text_free(ms_text *text) {

@@ -20,9 +20,17 @@ typedef struct ms_text {
   char *data; /* NULL while empty */
   size_t length, capacity;
   int failed;
+  /* NULL, or takes pieces of about MS_TEXT_PIECE bytes, which are then removed from data; returns
+   * 0 where nothing more is to be appended. */
+  int (*take)(void *user, const char *piece, size_t length);
+  void *user;
 } ms_text;
 
+enum { MS_TEXT_PIECE = 1 << 16 };
+
 void ms_text_append(ms_text *text, const char *format, ...) MS_PRINTF(2, 3);
+/* Let the last piece be taken. */
+void ms_text_flush(ms_text *text);
 void ms_text_free(ms_text *text);
 
 #endif

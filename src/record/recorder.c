@@ -11,6 +11,7 @@
 #include "checkpoint/checkpoint.h"
 #include "record/output_file.h"
 #include "record/rank_frames.h"
+#include "record/recording.h"
 #include "record/recorders.h"
 #include "record/strain.h"
 #include "sim/frames.h"
@@ -50,100 +51,27 @@ static msim_status check_topology(const msim_recorder *r, msim_error *err) {
                       "close that, and open one for another file");
 }
 
-/*------------------------------------- plan of the frames ---------------------------------------*/
-
-/* The planned times of all frames */
-static double *plan_times(const msim_sim *sim, int64_t nframes) {
-  double *times = ms_memory_allocate(&sim->alloc, (size_t)nframes, sizeof *times);
-  const int has_times = ms_options_have_frame_times(&sim->config.opt);
-  int64_t step = 0;
-  for (int64_t i = 0; times && i < nframes; i++) {
-    times[i] = has_times ? ms_frames_time(&sim->config.plan, &sim->config.opt, i)
-                         : sim->config.plan.t0 + (double)step * sim->run.h;
-    if (!has_times) step = ms_frames_next_step(&sim->config.plan, &sim->config.opt, step);
-  }
-  return times;
-}
-
-static msim_status count_frames(const msim_recorder *r, int64_t *nframes, msim_error *err) {
-  const msim_sim *sim = r->sim;
-  const char *path = r->file.path;
-  const int64_t planned = ms_frames_count(&sim->config.plan, &sim->config.opt, MS_FRAMES_MAX + 1);
-  *nframes = planned < 0 ? 1 : planned; /* an open-ended recorder does not read it */
-  if (planned < 0 && !(MS_RECORDERS_HAS(r->type, open_ended)))
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "%s requires the number of frames in advance, but under error control the "
-                        "number of steps is unknown; use fps in place of every",
-                        path);
-  if (planned > MS_FRAMES_MAX)
-    return ms_error_set(err, MSIM_ERR_ARG,
-                        "%s would have more than %d frames; use a larger every or a lower fps",
-                        path, MS_FRAMES_MAX);
-  return MSIM_OK;
-}
-
-/* Arguments of a plugin's open() and resume() */
-typedef struct recording_plan {
-  msim_recording what;
-  double *times;
-  ms_text scene;
-} recording_plan;
-
-static void free_recording_plan(const msim_recorder *r, recording_plan *a) {
-  ms_memory_free(&r->sim->alloc, a->times);
-  ms_text_free(&a->scene);
-}
-
-/* What all ranks have: all but times, scene, and arrays of particles, springs and faces */
-static msim_recording describe_recording(const msim_recorder *r, int64_t nframes) {
-  const ms_scene *scene = r->scene;
-  msim_recording what = {.size = sizeof what,
-                         .path = r->file.path,
-                         .name = r->file.path,
-                         .n = scene->nparticles,
-                         .nsprings = scene->nsprings,
-                         .nframes = nframes,
-                         .checkpoint_capacity = r->capacity,
-                         .sync = r->sim->config.opt.sync,
-                         .nfaces = scene->nfaces,
-                         .nplanes = scene->nplanes,
-                         .planes = scene->planes,
-                         .title = scene->name,
-                         .ncolliders = scene->ncolliders,
-                         .colliders = scene->colliders};
-  memcpy(what.gravity, scene->external.gravity, sizeof what.gravity);
-  return what;
-}
-
-static void add_arrays(const ms_scene *scene, msim_recording *what) {
-  what->ij = scene->ij, what->k = scene->k, what->rest = scene->rest;
-  what->damping = scene->damping, what->faces = scene->faces;
-  what->mass = scene->mass, what->pinned = scene->pinned;
-}
-
-static msim_status make_recording_plan(const msim_recorder *r, recording_plan *a, msim_error *err) {
-  int64_t nframes;
-  *a = (recording_plan){.scene = {.alloc = &r->sim->alloc}};
-  msim_status status = count_frames(r, &nframes, err);
-  if (status) return status;
-  a->times = plan_times(r->sim, nframes);
-  status = a->times ? ms_scene_write_json(r->scene, &a->scene, err)
-                    : ms_error_set_memory(err, "the times of the frames");
-  a->what = describe_recording(r, nframes);
-  add_arrays(r->scene, &a->what);
-  a->what.times = a->times, a->what.scene = a->scene.data, a->what.scene_length = a->scene.length;
-  if (status) free_recording_plan(r, a);
-  return status;
-}
-
 /*------------------------------------- opening --------------------------------------------------*/
+
+static ms_recording_source describe_source(const msim_recorder *r) {
+  return (ms_recording_source){.sim = r->sim,
+                               .scene = r->scene,
+                               .type = r->type,
+                               .path = r->file.path,
+                               .checkpoint_capacity = r->capacity};
+}
+
+static msim_status make_recording(const msim_recorder *r, ms_recording *a, msim_error *err) {
+  const ms_recording_source source = describe_source(r);
+  return ms_recording_create(&source, a, err);
+}
 
 static int is_msim_trajectory(const msim_recorder *r, const char *path) {
   return MS_RECORDERS_HAS(r->type, recognize) && r->type->recognize(&r->host.base, path);
 }
 
 /* The file gets its final name once its metadata are written: an incomplete file never has it. */
-static msim_status create_trajectory(msim_recorder *r, recording_plan *a, msim_error *err) {
+static msim_status create_trajectory(msim_recorder *r, ms_recording *a, msim_error *err) {
   msim_status status = ms_output_file_create(&r->file, err);
   if (status) return status;
   a->what.path = r->file.temporary_name.data;
@@ -155,7 +83,7 @@ static msim_status create_trajectory(msim_recorder *r, recording_plan *a, msim_e
 /* Open a new file, in place of an older trajectory of msim, or with `force` of any file. */
 static msim_status open_new_trajectory(msim_recorder *r, const char *path, int force,
                                        msim_error *err) {
-  recording_plan a;
+  ms_recording a;
   int taken;
   msim_status status = ms_output_file_lock(&r->file, &r->sim->alloc, path, &taken, err);
   if (!status && taken && !force && !is_msim_trajectory(r, path))
@@ -163,15 +91,15 @@ static msim_status open_new_trajectory(msim_recorder *r, const char *path, int f
                           "%s exists and is not a trajectory of msim; use another name, or --force "
                           "(msim_recorder_replace) to replace it",
                           path);
-  if (!status) status = make_recording_plan(r, &a, err);
+  if (!status) status = make_recording(r, &a, err);
   if (status) return status;
   status = create_trajectory(r, &a, err);
-  free_recording_plan(r, &a);
+  ms_recording_free(&r->sim->alloc, &a);
   return status;
 }
 
 /* Resume a file, and find its last checkpoint. A file without a frame is begun anew. */
-static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_resumption *from,
+static msim_status resume_trajectory(msim_recorder *r, ms_recording *a, msim_resumption *from,
                                      msim_error *err) {
   const msim_status status = r->type->resume(&r->host.base, &a->what, from, &r->self);
   if (status) return ms_plugin_fail(&r->host, r->type->name, status, err);
@@ -184,7 +112,7 @@ static msim_status resume_trajectory(msim_recorder *r, recording_plan *a, msim_r
 
 static msim_status open_for_resume(msim_recorder *r, const char *path, msim_resumption *from,
                                    msim_error *err) {
-  recording_plan a;
+  ms_recording a;
   int taken = 0;
   if (!MS_RECORDERS_HAS(r->type, resume))
     return ms_error_set(
@@ -194,10 +122,10 @@ static msim_status open_for_resume(msim_recorder *r, const char *path, msim_resu
   if (!status && !taken)
     status = ms_error_set(err, MSIM_ERR_IO,
                           "%s does not exist, so that no run can be resumed from it", path);
-  if (!status) status = make_recording_plan(r, &a, err);
+  if (!status) status = make_recording(r, &a, err);
   if (status) return status;
   status = resume_trajectory(r, &a, from, err);
-  free_recording_plan(r, &a);
+  ms_recording_free(&r->sim->alloc, &a);
   return status;
 }
 
@@ -205,10 +133,10 @@ static int has_file(const msim_sim *sim) { return !sim->ranks || sim->ranks->ran
 
 /* Open the file, which rank 0 has opened, for the rows of this rank. */
 static msim_status join_file(msim_recorder *r, msim_error *err) {
-  int64_t nframes;
-  msim_status status = has_file(r->sim) ? MSIM_OK : count_frames(r, &nframes, err);
+  msim_recording what;
+  const ms_recording_source source = describe_source(r);
+  msim_status status = has_file(r->sim) ? MSIM_OK : ms_recording_describe(&source, &what, err);
   if (status || has_file(r->sim)) return status;
-  const msim_recording what = describe_recording(r, nframes);
   status = r->type->join(&r->host.base, &what, &r->self);
   return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : MSIM_OK;
 }

@@ -317,5 +317,6 @@ msim_status ms_scene_write_json(const ms_scene *scene, ms_text *text, msim_error
   if (scene->source) ms_text_append(text, "%s", scene->source);
   else status = write_json_scene(text, scene, err);
   if (status) return status;
+  ms_text_flush(text);
   return text->failed ? ms_error_set_memory(err, "a scene file") : ms_error_clear(err);
 }
