@@ -92,9 +92,7 @@ msim_status ms_sim_update_section(msim_sim *sim, msim_error *err) {
     update_state_arrays(sim);
     ms_rank_section_copy(sim, sim->state_x, sim->state_v);
   } else {
-    const ms_scene *scene = ms_rank_section_scene(sim);
     show_island(sim, sim->islands, &x, &v);
-    ms_rank_section_copy(sim, scene->x, scene->v);
     ms_rank_section_exchange(sim, x, v);
   }
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);

@@ -104,6 +104,19 @@ static int cut_slice(const msim_sim *sim, ms_rank_scene *kept) {
   return fits;
 }
 
+/* Without memory the longer arrays stay. */
+void ms_rank_scene_trim(msim_sim *sim) {
+  if (!sim->kept || !sim->kept->has_rows) return;
+  ms_scene *s = sim->kept->slice;
+  const size_t n = 3 * (size_t)sim->kept->is.n;
+  double *x, *v = NULL;
+  if (MS_NEW(&s->alloc, x, n) && MS_NEW(&s->alloc, v, n)) {
+    memcpy(x, s->x, n * sizeof *x), memcpy(v, s->v, n * sizeof *v);
+    MS_FREE(&s->alloc, s->x, s->v);
+    s->x = x, s->v = v;
+  } else MS_FREE(&s->alloc, x, v);
+}
+
 void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept) {
   if (!kept) return;
   ms_scene_release(kept->slice);
@@ -133,6 +146,7 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err) {
     set_scene(sim, own, &map);
     sim->kept = kept;
     ms_rank_part_forget_whole(&sim->alloc, sim->part);
+    ms_rank_scene_trim(sim);
   } else {
     ms_scene_release(own);
     ms_rank_scene_destroy(&sim->alloc, kept);

@@ -15,7 +15,7 @@ typedef struct ms_rank_scene {
   int32_t nparticles, nsprings, nfaces; /* of the whole scene */
   int32_t *particle, *spring;           /* of each one of sim->scene: its number there */
   int32_t *owner;                       /* is.n: of particles of the slice, as in ms_rank_part */
-  ms_scene *slice;
+  ms_scene *slice; /* x and v of own rows only, once the section has those of the others */
   ms_section is;   /* what the slice has, in numbers of the whole scene */
   ms_section rows; /* the same in those of the slice, which are rows of the section */
   int has_rows;    /* 0: the sim has no section for output: the slice has no other particles, and
@@ -49,6 +49,9 @@ void ms_rank_scene_free_owners(const msim_sim *sim, int32_t *owner);
  * nothing changes. */
 msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *section, const ms_scene *topology,
                                  msim_error *err);
+
+/* Free x and v of other rows, of which the section has copies. */
+void ms_rank_scene_trim(msim_sim *sim);
 
 void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
 

@@ -135,6 +135,8 @@ msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
   if (!status) status = ms_rank_scene_extend(sim, &sim->section->is, topology, err);
   ms_scene_release(topology);
   if (status) ms_rank_section_destroy(sim);
+  else ms_rank_section_copy(sim, ms_rank_section_scene(sim)->x, ms_rank_section_scene(sim)->v);
+  ms_rank_scene_trim(sim);
   return status;
 }
 

@@ -11,7 +11,7 @@
 
 typedef struct ms_rank_section {
   ms_section is;
-  double *x, *v;                 /* of its rows, as last updated */
+  double *x, *v; /* of its rows, as last updated; where nothing moves as in the scene */
   int32_t *other, *other_spring; /* of `is` */
   ms_buckets in;                 /* the rows that each rank sends */
   int32_t nout;
@@ -34,9 +34,9 @@ static inline ms_section ms_rank_section_numbers(const msim_sim *sim) {
   return sim->kept ? sim->kept->rows : sim->section->is;
 }
 
-/* Set its x and v from arrays of that scene, or those of free particles from vectors of the
- * islands of all ranks, along the axes that these have; the latter is collective, and a failure of
- * the communicator is kept for the next agreement. */
+/* Set its x and v from arrays of all particles of that scene, or those of free ones from vectors of
+ * the islands of all ranks, along the axes that these have; the latter is collective, and a
+ * failure of the communicator is kept for the next agreement. */
 void ms_rank_section_copy(const msim_sim *sim, const double *x, const double *v);
 void ms_rank_section_exchange(const msim_sim *sim, const double *x, const double *v);
 
