@@ -242,8 +242,109 @@ static void implicit_where_it_costs_less(void **state) {
   msim_scene_destroy(t.scene);
 }
 
+/*------------------------------------- damping --------------------------------------------------*/
+
+/* A block of 1 kg, pinned at a face, bends; damping of 1/4 of critical */
+static msim_scene *damped_solid(void) {
+  enum { SIDE = 8 };
+  const double g[3] = {0, 0, -9.81};
+  int32_t face[SIDE * SIDE];
+  for (int32_t i = 0; i < SIDE * SIDE; i++) face[i] = i;
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {SIDE, SIDE, SIDE},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000,
+                              .damping = 0.7,
+                              .npinned = SIDE * SIDE,
+                              .pinned = face};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+/* Force evaluations of a run in double precision, those of the choice included; used: the method
+ * that makes it; x: its end */
+static double evaluations_of(const msim_scene *scene, const char *method, double tol,
+                             const char *used, double *x) {
+  msim_options opt = options_of(method, tol, 0.3);
+  opt.precision = MSIM_PRECISION_DOUBLE;
+  msim_sim *sim = make_sim(scene, &opt);
+  const double choice = sim->config.choice.total_cost;
+  assert_string_equal(sim->config.integrator->entry.name, used);
+  assert_true(sim->config.opt.tol == tol);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const double count = choice + (double)stats_of(sim).force_evaluations;
+  const msim_state end = state_of(sim);
+  memcpy(x, end.x, 3 * (size_t)end.n * sizeof *x);
+  print_message("  %s: %.0f evaluations, %.0f of them for the choice\n", used, count, choice);
+  msim_sim_destroy(sim);
+  return count;
+}
+
+/* Bounds on damping are loose, so that error control takes longer steps than these allow: ssprk104
+ * costs less than dop853 and than fixed steps, and keeps tol. */
+static void error_control_where_damping_limits_steps(void **state) {
+  (void)state;
+  enum { N = 3 * 512 };
+  double exact[N], x[N], most = 0;
+  const double tol = 1e-3, extent = 0.2;
+  msim_scene *scene = damped_solid();
+  evaluations_of(scene, "dop853", 1e-9, "dop853", exact);
+  const double chosen = evaluations_of(scene, "auto", tol, "ssprk104", x);
+  for (int i = 0; i < N; i++) most = fmax(most, fabs(x[i] - exact[i]));
+  assert_true(most < tol * extent);
+  assert_true(chosen < evaluations_of(scene, "dop853", tol, "dop853", x));
+  assert_true(chosen < evaluations_of(scene, "velocity-verlet", tol, "velocity-verlet", x));
+  msim_scene_destroy(scene);
+}
+
+/* Error control compares states in double precision, so that none of its candidates has floats. */
+static void error_control_has_no_floats(void **state) {
+  (void)state;
+  msim_scene *scene = damped_solid();
+  const msim_options opt = options_of("auto", 1e-3, 0.3);
+  msim_sim *sim = make_sim(scene, &opt);
+  int single = 0;
+  for (int i = 0; i < MS_CANDIDATES; i++) {
+    const ms_candidate *c = &sim->config.choice.candidates[i];
+    assert_true(!c->error_control || c->precision == MSIM_PRECISION_DOUBLE);
+    single += c->precision == MSIM_PRECISION_SINGLE;
+  }
+  assert_true(single > 0);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* Without obstacles rkc makes the pilot run, an eighth of the whole, with less than half of the two
+ * evaluations of each step of velocity Verlet. */
+static void a_damped_pilot_run_has_long_steps(void **state) {
+  (void)state;
+  const double t_end = 0.3;
+  msim_scene *scene = hanging_cloth(12, 1000, 3.2);
+  const msim_options opt = options_of("auto", 1e-2, t_end);
+  msim_sim *sim = make_sim(scene, &opt);
+  const ms_method_choice *s = &sim->config.choice;
+  assert_string_equal(s->candidates[0].method->entry.name, "velocity-verlet");
+  const double by_verlet = 2 * t_end / 8 / s->candidates[0].h;
+  print_message("  the choice: %.0f evaluations, a pilot run by velocity Verlet: %.0f\n",
+                s->total_cost, by_verlet);
+  assert_true(s->total_cost < by_verlet / 2);
+  msim_sim_destroy(sim);
+  plane(scene, 0, 0, 1, -100, 0, 0);
+  sim = make_sim(scene, &opt);
+  assert_true(sim->config.choice.total_cost > by_verlet);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(as_good_as_the_best),
-                                     cmocka_unit_test(implicit_where_it_costs_less)};
+                                     cmocka_unit_test(implicit_where_it_costs_less),
+                                     cmocka_unit_test(error_control_where_damping_limits_steps),
+                                     cmocka_unit_test(error_control_has_no_floats),
+                                     cmocka_unit_test(a_damped_pilot_run_has_long_steps)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

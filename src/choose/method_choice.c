@@ -13,8 +13,8 @@
 #include "choose/rejection_reasons.h"
 #include "choose/verification_setup.h"
 
-/* The impacts of so many particles are few enough to be located one by one; steps of dop853 that
- * show what its error control costs where no plane counts */
+/* The impacts of so many particles are few enough to be located one by one; steps that show what
+ * error control costs where no plane counts */
 enum { FEW = 4, CONTROLLED_STEPS = 16 };
 
 enum {
@@ -26,6 +26,7 @@ enum {
   SIXTH,
   EIGHTH,
   ERROR_CONTROLLED,
+  DAMPING_CONTROLLED,
   MULTIRATE,
   IMPLICIT
 };
@@ -33,8 +34,10 @@ enum {
 /* The candidates: methods and their evaluations per step, [0] if no force depends on velocities,
  * else [1]; 0: measured. first: evaluations at the first state, if there are many. The leapfrog
  * stands for all explicit methods of order 2. Evaluations of dop853 count 13/12-fold, as it forms
- * so many sums; those of rkc follow from h. tr-bdf2 damps what long steps cannot resolve; implicit
- * methods that do not damp it have to resolve it, and take no longer steps than explicit ones. */
+ * so many sums; those of rkc follow from h. ssprk104 is for steps that damping limits, of which
+ * error control makes longer ones than bounds on damping allow. tr-bdf2 damps what long steps
+ * cannot resolve; implicit methods that do not damp it have to resolve it, and take no longer steps
+ * than explicit ones. */
 static const struct {
   const ms_integrator *method[2];
   double evaluations[2];
@@ -48,6 +51,7 @@ static const struct {
     [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
     [EIGHTH] = {{&ms_dop853, &ms_dop853}, {13, 13}},
     [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853}, {13, 13}},
+    [DAMPING_CONTROLLED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}},
     [MULTIRATE] = {{&ms_respa, &ms_respa}, {0}},
     [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}}};
 
@@ -59,6 +63,10 @@ static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
   return candidate_list[i].method[p->damped || (i == LEAPFROG_METHOD && (p->mid_run || !p->many))];
 }
 
+static int is_controlled(int i) {
+  return i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED || i == IMPLICIT;
+}
+
 static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
   if (i == LEAPFROG_METHOD && planes && few) return MS_REASON_FEW_IMPACTS;
@@ -68,7 +76,9 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   if (i == LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
   if (i == TAKAHASHI_IMADA && planes) return MS_REASON_NO_PLANES;
   if ((i == TAKAHASHI_IMADA || i == SIXTH) && p->damped) return MS_REASON_DAMPED;
-  if (i == STABILISED && !p->damped) return MS_REASON_UNDAMPED;
+  if ((i == STABILISED || i == DAMPING_CONTROLLED) && !p->damped) return MS_REASON_UNDAMPED;
+  if (i == DAMPING_CONTROLLED && planes) return MS_REASON_TRIAL_TOO_EXPENSIVE;
+  if (i == DAMPING_CONTROLLED && p->bounds.rate < p->bounds.omega) return MS_REASON_WEAKLY_DAMPED;
   if (i == STABILISED && ms_pilot_run_stable_step(p, &ms_rkc) == 0) return MS_REASON_NEVER_STABLE;
   if (!p->many && !planes && !ms_control_is_supported(candidate_method(p, i)))
     return MS_REASON_UNVERIFIED;
@@ -104,15 +114,15 @@ static int is_limit_loose(const ms_pilot_run *p) { return p->damped && !p->plane
  * half steps and two starts: most savings turn out smaller than they seem. Error control is tried
  * first, as it keeps tol wherever the motion becomes rougher. */
 static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c) {
-  if (c->tried || (i == ERROR_CONTROLLED && !is_limit_loose(p))) return c->cost_rate;
-  if (i == ERROR_CONTROLLED) return c->cost_rate + CONTROLLED_STEPS * c->step_cost / p->span;
+  if (c->tried || (is_controlled(i) && !is_limit_loose(p))) return c->cost_rate;
+  if (is_controlled(i)) return c->cost_rate + CONTROLLED_STEPS * c->step_cost / p->span;
   const double trial =
       3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) + 2 * candidate_list[i].first;
   return c->cost_rate + 4 * trial / p->span;
 }
 
 static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
-  const int controlled = i == IMPLICIT || i == ERROR_CONTROLLED;
+  const int controlled = is_controlled(i);
   const int located =
       controlled ? ms_scene_has_obstacles(p->sim->scene) : p->planes_count && i != LEAPFROG_METHOD;
   *c = (ms_candidate){.method = candidate_method(p, i),
@@ -199,11 +209,12 @@ static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double 
   return MSIM_OK;
 }
 
-/* dop853 under error control over the third quarter of the pilot run, or as long as it costs less
- * than the best candidate so far would there; without planes its first steps are sufficient. Its
- * evaluations count more, as in `candidate_list`. */
-static msim_status try_controlled(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
-  const double SUMS = 13. / 12, t = fmax(p->duration, p->span / 16) / 4;
+/* The method under error control over the third quarter of the pilot run, or as long as it costs
+ * less than the best candidate so far would there; without planes its first steps are sufficient.
+ * Evaluations of dop853 count more, as in `candidate_list`. */
+static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candidate *c,
+                                  msim_error *err) {
+  const double SUMS = i == ERROR_CONTROLLED ? 13. / 12 : 1, t = fmax(p->duration, p->span / 16) / 4;
   const double steps = p->planes_count ? INFINITY : CONTROLLED_STEPS;
   msim_sim *trial;
   msim_status status = create_trial_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
@@ -253,8 +264,8 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
   for (s->best = most_promising(p, c); !status && !c[s->best].tried;
        s->best = most_promising(p, c)) {
     const int i = s->best;
-    status = i == ERROR_CONTROLLED ? try_controlled(p, least_tried_cost(p, i, c), &c[i], err)
-                                   : try_candidate_step(p, i, &c[i], &most[i], err);
+    status = is_controlled(i) ? try_controlled(p, i, least_tried_cost(p, i, c), &c[i], err)
+                              : try_candidate_step(p, i, &c[i], &most[i], err);
     if (i == ERROR_CONTROLLED) expect_fixed_steps(p, c[i].h, &c[EIGHTH]);
     c[i].tried |= ++tries[i] == PATIENCE;
   }
@@ -432,8 +443,7 @@ static void archive_candidate(ms_archive *b, int i, ms_candidate *c) {
   MS_ARCHIVE_TRANSFER(b, c->precision);
   ms_archive_check(
       b,
-      c->rejection >= 0 && c->rejection < MS_REASON_COUNT &&
-          c->error_control == (i == IMPLICIT || i == ERROR_CONTROLLED) &&
+      c->rejection >= 0 && c->rejection < MS_REASON_COUNT && c->error_control == is_controlled(i) &&
           (c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT) &&
           (c->precision == MSIM_PRECISION_DOUBLE || ms_precision_choice_takes(c)),
       "the choice of a method");

@@ -1,13 +1,14 @@
 /* pilot_run - pilot run: simulate the beginning of a run, and try methods there, for integrator =
  * auto
  *
- * Velocity Verlet makes the pilot run, the first eighth of the run. If it meets no plane, planes do
- * not count until one is close (step_verification.h). Otherwise it is repeated up to the first
- * impact, in parts of 1/64 of the run, and trials start from the part of that impact. Methods are
- * tried from the end of the pilot run: steps of h and twice as many of h/2 give the error of h by
- * Richardson extrapolation; it is assumed to grow linearly over the run. A start at rest is not
- * typical: the growth of errors in the second half of the pilot run is assumed to occur once more,
- * and twice if nothing is damped. Verification detects larger growth. */
+ * Velocity Verlet, or rkc where damping is strong, makes the pilot run, the first eighth of the
+ * run. If it meets no plane, planes do not count until one is close (step_verification.h).
+ * Otherwise it is repeated up to the first impact, in parts of 1/64 of the run, and trials start
+ * from the part of that impact. Methods are tried from the end of the pilot run: steps of h and
+ * twice as many of h/2 give the error of h by Richardson extrapolation; it is assumed to grow
+ * linearly over the run. A start at rest is not typical: the growth of errors in the second half of
+ * the pilot run is assumed to occur once more, and twice if nothing is damped. Verification detects
+ * larger growth. */
 #ifndef MS_PILOT_RUN_H
 #define MS_PILOT_RUN_H
 

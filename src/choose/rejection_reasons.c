@@ -14,6 +14,7 @@ const char *ms_rejection_reasons_text(int why) {
           "its steps cannot be verified, and there are too few particles to do without",
       [MS_REASON_DAMPED] = "forces depend on velocities",
       [MS_REASON_UNDAMPED] = "no force depends on velocities",
+      [MS_REASON_WEAKLY_DAMPED] = "frequencies, not damping, limit its steps",
       [MS_REASON_STIFF_SPRINGS_NOT_FEW] = "the step is not limited by a few stiff springs",
       [MS_REASON_ERROR_TOO_LARGE] =
           "its error is too large at the steps at which it would be cost-effective",
