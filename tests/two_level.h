@@ -21,16 +21,21 @@ static inline ms_pcg *pcg_of(msim_sim *sim) {
   return (ms_pcg *)sim->islands->stepper.solver->linear;
 }
 
-/* aggregate: block rows per aggregate of the coarse space; 0: block Jacobi only */
-static inline msim_sim *make_two_level_sim(const msim_scene *scene, const msim_options *opt,
-                                           int32_t aggregate) {
+static inline msim_sim *make_sim_with_coarse(const msim_scene *scene, const msim_options *opt,
+                                             ms_coarse_size size) {
   msim_sim *sim = make_sim(scene, opt);
   ms_solver *solver = sim->islands->stepper.solver;
   assert_string_equal(solver->linear->name, "pcg");
   solver->linear->ops->destroy(solver->linear);
   solver->linear = NULL;
-  assert_ok(ms_pcg_create(&solver->system, &sim->config.opt, aggregate, &solver->linear, err));
+  assert_ok(ms_pcg_create(&solver->system, &sim->config.opt, size, &solver->linear, err));
   return sim;
+}
+
+/* aggregate: block rows per aggregate of the coarse space; 0: block Jacobi only */
+static inline msim_sim *make_two_level_sim(const msim_scene *scene, const msim_options *opt,
+                                           int32_t aggregate) {
+  return make_sim_with_coarse(scene, opt, (ms_coarse_size){.aggregate = aggregate});
 }
 
 /* A cube that hangs from its top face, which is pinned. */

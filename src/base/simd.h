@@ -135,6 +135,31 @@ static inline ms_quad ms_simd_load_float_quad(const float *from) {
 #endif
 }
 
+/* 4 floats that stay floats, and a b + c of them, rounded as by ms_simd_fma */
+static inline ms_float_quad ms_simd_load_narrow_quad(const float *from) {
+  ms_float_quad v;
+  memcpy(&v, from, sizeof v);
+  return v;
+}
+
+static inline ms_float_quad ms_simd_fma_narrow_quad(ms_float_quad a, ms_float_quad b,
+                                                    ms_float_quad c) {
+#ifdef __FMA__
+  return (ms_float_quad)_mm_fmadd_ps((__m128)a, (__m128)b, (__m128)c);
+#else
+  return a * b + c;
+#endif
+}
+
+static inline ms_quad ms_simd_widen_quad(ms_float_quad v) {
+  return __builtin_convertvector(v, ms_quad);
+}
+
+static inline void ms_simd_store_float_quad(float *to, ms_quad v) {
+  const ms_float_quad narrow = __builtin_convertvector(v, ms_float_quad);
+  memcpy(to, &narrow, sizeof narrow);
+}
+
 /* Lanes i, j, k, l of the lanes of a (0 to 3) and b (4 to 7). */
 #if defined(__clang__) || __GNUC__ >= 12
 #  define MS_SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)

@@ -49,7 +49,8 @@ static void list_graph(const ms_model *model, const ms_aggregates *a, int32_t *m
   }
 }
 
-static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error *err) {
+static msim_status analyse(const ms_model *model, int32_t cluster, ms_coarse *coarse,
+                           msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   const int32_t n = coarse->aggregates.n;
   ms_sparse_graph graph = {.n = n};
@@ -59,10 +60,16 @@ static msim_status analyse(const ms_model *model, ms_coarse *coarse, msim_error 
   if (fits) list_graph(model, &coarse->aggregates, mark, list, &graph);
   fits = fits && MS_NEW(alloc, graph.ind, graph.ptr[n]);
   if (fits) list_graph(model, &coarse->aggregates, mark, list, &graph);
-  msim_status status =
-      fits ? ms_block_cholesky_create(alloc, &graph, MS_MODES * model->unknowns.dims, model->isa,
-                                      &coarse->chol, err)
-           : ms_error_set_memory(err, "the coarse matrix");
+  msim_status status;
+  if (!fits) status = ms_error_set_memory(err, "the coarse matrix");
+  else if (cluster)
+    status =
+        ms_coarse_cycle_create(model, &coarse->aggregates, &graph, cluster, &coarse->cycle, err);
+  else
+    status = ms_block_cholesky_create(alloc, &graph, MS_MODES * model->unknowns.dims, model->isa,
+                                      &coarse->chol, err);
+  coarse->value = cluster ? coarse->cycle.value : coarse->chol.value;
+  coarse->position = cluster ? coarse->cycle.position : coarse->chol.position;
   MS_FREE(alloc, graph.ptr, graph.ind, mark, list);
   return status;
 }
@@ -77,7 +84,7 @@ static int32_t list_blocks(const ms_coarse *coarse, int32_t k, int32_t *to) {
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       const int32_t other = ms_aggregates_find(coarse->model, a, half_edges->neighbour[at]);
       if (half_edges->spring[at] < 0 || !ms_coarse_owns_block(coarse, k, other)) continue;
-      if (to) to[n] = ms_block_cholesky_find(&coarse->chol, k, other);
+      if (to) to[n] = ms_coarse_find(coarse, k, other);
       n++;
     }
   }
@@ -92,20 +99,20 @@ static msim_status find_blocks(ms_coarse *coarse, msim_error *err) {
   if (!MS_NEW(alloc, coarse->block, first[n])) return ms_error_set_memory(err, "the coarse matrix");
   for (int32_t k = 0; k < n; k++) {
     list_blocks(coarse, k, coarse->block + first[k]);
-    coarse->diagonal[k] = ms_block_cholesky_find(&coarse->chol, k, k);
+    coarse->diagonal[k] = ms_coarse_find(coarse, k, k);
   }
   return MSIM_OK;
 }
 
-msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_coarse *coarse,
+msim_status ms_coarse_create(const ms_model *model, ms_coarse_size size, ms_coarse *coarse,
                              msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   *coarse = (ms_coarse){.model = model, .kernels = ms_coarse_kernels_of[model->isa]};
-  msim_status status = ms_aggregates_create(model, aggregate_size, &coarse->aggregates, err);
+  msim_status status = ms_aggregates_create(model, size.aggregate, &coarse->aggregates, err);
   if (!status)
     status = ms_restriction_create(model, &coarse->aggregates, &coarse->restriction, err);
   if (!status) status = keep_modes(model, coarse, err);
-  if (!status) status = analyse(model, coarse, err);
+  if (!status) status = analyse(model, size.cluster, coarse, err);
   if (status) return status;
   const size_t n = (size_t)coarse->aggregates.n * MS_MODES * (size_t)model->unknowns.dims;
   if (!MS_NEW(alloc, coarse->first_block, (size_t)coarse->aggregates.n + 1) ||
@@ -121,6 +128,7 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   ms_aggregates_destroy(coarse->model, &coarse->aggregates);
   ms_restriction_destroy(coarse->model, &coarse->restriction);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
+  ms_coarse_cycle_destroy(alloc, &coarse->cycle);
   MS_FREE(alloc, coarse->first_block, coarse->block, coarse->diagonal, coarse->r, coarse->z,
           coarse->modes, coarse->constrained);
   *coarse = (ms_coarse){0};
@@ -177,13 +185,13 @@ int ms_coarse_is_constrained_by(const ms_coarse *coarse, const ms_constraint *co
 
 /* Modes of constrained unknowns alone need some inertia, or the coarse matrix would be singular. */
 static void add_constrained_inertia(ms_coarse *coarse, const double *inertia) {
-  const size_t n = (size_t)coarse->chol.block, area = n * n;
+  const size_t n = MS_MODES * (size_t)coarse->model->unknowns.dims, area = n * n;
   for (int32_t at = 0; at < coarse->nconstrained; at++) {
     const int32_t row = coarse->constrained[at];
     const float *w = coarse->modes + MS_MODES * row;
     const int32_t of = coarse->aggregates.of[row];
     if (of < 0) continue;
-    double *block = coarse->chol.value + area * (size_t)coarse->diagonal[of];
+    double *block = coarse->value + area * (size_t)coarse->diagonal[of];
     for (size_t c = 0; c < n; c += MS_MODES)
       for (size_t i = 0; i < MS_MODES; i++)
         for (size_t j = 0; j < MS_MODES; j++)
@@ -192,12 +200,12 @@ static void add_constrained_inertia(ms_coarse *coarse, const double *inertia) {
 }
 
 msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a) {
-  ms_block_cholesky *chol = &coarse->chol;
-  coarse->drops_negative_t = a->braced;
-  memset(chol->value, 0, ms_block_cholesky_size(chol) * sizeof *chol->value);
+  coarse->drops_negative_t = a->braced || coarse->cycle.n;
+  memset(coarse->value, 0, ms_coarse_value_size(coarse) * sizeof *coarse->value);
   coarse_run(assemble_chunk, &(coarse_job){.coarse = coarse, .a = a});
   add_constrained_inertia(coarse, a->inertia);
-  return ms_block_cholesky_factor(chol);
+  return coarse->cycle.n ? ms_coarse_cycle_factor(&coarse->cycle, coarse->model->pool)
+                         : ms_block_cholesky_factor(&coarse->chol);
 }
 
 /*------------------------------------- solution -------------------------------------------------*/
@@ -212,10 +220,14 @@ static void add_parts_chunk(void *data, int32_t begin, int32_t end) {
 }
 
 double ms_coarse_solve(ms_coarse *coarse) {
-  const int32_t n = coarse->aggregates.n * coarse->chol.block;
+  const int32_t n = coarse->aggregates.n * MS_MODES * coarse->model->unknowns.dims;
   coarse_run(add_parts_chunk, &(coarse_job){.coarse = coarse});
-  memcpy(coarse->z, coarse->r, (size_t)n * sizeof *coarse->z);
-  ms_block_cholesky_solve(&coarse->chol, coarse->z);
+  if (coarse->cycle.n) {
+    ms_coarse_cycle_solve(&coarse->cycle, coarse->model->pool, coarse->r, coarse->z);
+  } else {
+    memcpy(coarse->z, coarse->r, (size_t)n * sizeof *coarse->z);
+    ms_block_cholesky_solve(&coarse->chol, coarse->z);
+  }
   double sum = 0;
   for (int32_t i = 0; i < n; i++) sum += coarse->r[i] * coarse->z[i];
   return sum;

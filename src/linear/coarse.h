@@ -1,12 +1,15 @@
 /* coarse - the coarse correction of a two-level preconditioner: P (P^T A P)^-1 P^T
  *
  * The prolongation P maps the 4 modes of each aggregate and component to the unknowns. P^T A P is a
- * sparse matrix with blocks of 4 dims scalars, ordered by component, then mode; it is factored. */
+ * sparse matrix with blocks of 4 dims scalars, ordered by component, then mode. It is factored, or
+ * where its factor would be large, (P^T A P)^-1 is replaced by a cycle (coarse_cycle.h). */
 #ifndef MS_COARSE_H
 #define MS_COARSE_H
 
 #include "linear/aggregates.h"
 #include "linear/block_cholesky.h"
+#include "linear/coarse_cycle.h"
+#include "linear/linear.h"
 #include "linear/restriction.h"
 #include "physics/force.h"
 
@@ -14,8 +17,11 @@ typedef struct ms_coarse {
   const ms_model *model;
   ms_aggregates aggregates;
   ms_restriction restriction;
-  ms_block_cholesky chol;
-  int32_t *first_block; /* aggregates.n + 1: the range of each aggregate in `block` */
+  ms_block_cholesky chol; /* of P^T A P; n = 0: there is a cycle */
+  ms_coarse_cycle cycle;  /* n = 0: there is a factor */
+  double *value;          /* P^T A P, where chol or cycle takes it from */
+  int32_t *position;      /* aggregates.n: owners of blocks as in block_cholesky.h */
+  int32_t *first_block;   /* aggregates.n + 1: the range of each aggregate in `block` */
   int32_t *block; /* the off-diagonal blocks to which half-edges of the aggregate contribute, in the
                      order of its unknowns: those of ms_coarse_owns_block() only */
   int32_t *diagonal;    /* aggregates.n: the index of each diagonal block */
@@ -31,10 +37,22 @@ typedef struct ms_coarse {
 /* 1: half-edges of aggregate `own` to `other` (-1: none) contribute to an off-diagonal block: of
  * the two half-edges of a spring, that of the aggregate eliminated later does. */
 static inline int ms_coarse_owns_block(const ms_coarse *coarse, int32_t own, int32_t other) {
-  return other >= 0 && coarse->chol.position[own] > coarse->chol.position[other];
+  return other >= 0 && coarse->position[own] > coarse->position[other];
 }
 
-msim_status ms_coarse_create(const ms_model *model, int32_t aggregate_size, ms_coarse *coarse,
+/* The index in `value` of the block of aggregates i and j, position[i] >= position[j] */
+static inline int32_t ms_coarse_find(const ms_coarse *coarse, int32_t i, int32_t j) {
+  return coarse->cycle.n ? ms_coarse_cycle_find(&coarse->cycle, i, j)
+                         : ms_block_cholesky_find(&coarse->chol, i, j);
+}
+
+/* The length of `value`, which is used by ms_coarse_factor() alone */
+static inline size_t ms_coarse_value_size(const ms_coarse *coarse) {
+  return coarse->cycle.n ? ms_coarse_cycle_size(&coarse->cycle)
+                         : ms_block_cholesky_size(&coarse->chol);
+}
+
+msim_status ms_coarse_create(const ms_model *model, ms_coarse_size size, ms_coarse *coarse,
                              msim_error *err);
 void ms_coarse_destroy(ms_coarse *coarse);
 
@@ -58,8 +76,9 @@ typedef struct ms_coarse_matrix {
   int braced; /* 1 if t < 0 counts as 0 */
 } ms_coarse_matrix;
 
-/* Factor P^T A P. braced makes A positive definite where angular springs do not prevent it.
- * MSIM_NOT_SPD: A is not positive definite, up to rounding, and there is no factor. */
+/* Factor P^T A P. braced makes A positive definite where angular springs do not prevent it; a cycle
+ * leaves out t < 0 in any case. MSIM_NOT_SPD: A is not positive definite, up to rounding, and there
+ * is no factor. */
 msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a);
 
 /* Sum P^T r over the slices [begin, end), a chunk of restriction.h; chunks in any order, by any

@@ -33,18 +33,17 @@ static void assemble_corner(ms_coarse *coarse, const ms_coarse_matrix *a, int32_
   const ms_model *model = coarse->model;
   const ms_aggregates *g = &coarse->aggregates;
   const int32_t *rows = model->angles.row + 3 * (corner / 3), row = rows[corner % 3];
-  const int32_t own = g->of[row], *position = coarse->chol.position;
-  const size_t area = (size_t)coarse->chol.block * (size_t)coarse->chol.block;
+  const int32_t own = g->of[row], *position = coarse->position;
+  const size_t size = MS_MODES * (size_t)model->unknowns.dims, area = size * size;
   double element[MS_ANGLE_ELEMENT], block[3][3];
   ms_angle_springs_get_element(a->a, corner / 3, element);
   for (int c = 0; c < 3; c++) {
     const int32_t other = ms_aggregates_find(model, g, rows[c]);
     if (other < 0 || position[own] < position[other]) continue;
-    const int32_t at =
-        other == own ? coarse->diagonal[own] : ms_block_cholesky_find(&coarse->chol, own, other);
+    const int32_t at = other == own ? coarse->diagonal[own] : ms_coarse_find(coarse, own, other);
     ms_angle_block(element, corner % 3, c, block);
     add_block((size_t)model->unknowns.dims, a->by, block, g->weight + MS_MODES * row,
-              g->weight + MS_MODES * rows[c], coarse->chol.value + area * (size_t)at);
+              g->weight + MS_MODES * rows[c], coarse->value + area * (size_t)at);
   }
 }
 

@@ -55,9 +55,9 @@ MS_INLINE const int32_t *assemble_unknown(size_t dims, ms_coarse *coarse, const 
     if (!owns) continue;
     ms_quad right[6];
     for (size_t q = 0; q < ms_coefficients_diagonal_size(dims); q++) right[q] = -other * K[q];
-    add_outer(dims, coarse->chol.value + area * (size_t)*block++, own, right);
+    add_outer(dims, coarse->value + area * (size_t)*block++, own, right);
   }
-  add_outer(dims, coarse->chol.value + area * (size_t)coarse->diagonal[aggregate], own, sum);
+  add_outer(dims, coarse->value + area * (size_t)coarse->diagonal[aggregate], own, sum);
   return block;
 }
 
@@ -101,7 +101,7 @@ static void restrict_rows(ms_coarse *coarse, const double *r, size_t begin, size
 
 static void add_parts(ms_coarse *coarse, int32_t aggregate) {
   const ms_buckets *parts = &coarse->restriction.of;
-  const size_t block = (size_t)coarse->chol.block;
+  const size_t block = MS_MODES * (size_t)coarse->model->unknowns.dims;
   ms_quad sum[3] = {{0}};
   for (int32_t p = parts->first[aggregate]; p < parts->first[aggregate + 1]; p++)
     for (size_t q = 0; q < block / 4; q++)

@@ -6,7 +6,7 @@
 #include "linear/coarse.h"
 
 typedef struct ms_coarse_kernels {
-  /* chol.value += the part of P^T A P that the unknowns of one aggregate contribute */
+  /* value += the part of P^T A P that the unknowns of one aggregate contribute */
   void (*assemble)(ms_coarse *coarse, const float *coefficients, const double *inertia,
                    int32_t aggregate);
   /* The sums of restriction.h of a chunk, rows [begin, end) */

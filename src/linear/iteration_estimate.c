@@ -34,16 +34,21 @@ static double estimate_condition(const ms_model *model, double h) {
 }
 
 /* Small aggregates save iterations, but the cost of the coarse factor grows faster than the number
- * of unknowns. */
-int32_t ms_iteration_estimate_aggregate_size(int32_t rows) {
-  return rows < 12000 ? 64 : rows < 60000 ? 128 : rows < 500000 ? 192 : 256;
+ * of unknowns. LARGE systems get a cycle instead, unless angular springs, which act on up to three
+ * aggregates, could make it indefinite. */
+ms_coarse_size ms_iteration_estimate_coarse_size(const ms_model *model) {
+  const int32_t LARGE = 12000, rows = model->unknowns.nfree;
+  if (rows < LARGE) return (ms_coarse_size){.aggregate = 64};
+  if (!model->angles.n) return (ms_coarse_size){.aggregate = 48, .cluster = 8};
+  return (ms_coarse_size){.aggregate = rows < 60000 ? 128 : rows < 500000 ? 192 : 256};
 }
 
-/* With MANY iterations per factor they are smaller. */
-static int32_t choose_aggregate_size(int32_t rows, double iterations) {
+/* With MANY iterations per factor aggregates are smaller. */
+static ms_coarse_size choose_coarse_size(const ms_model *model, double iterations) {
   const double MANY = 75;
-  const int32_t size = ms_iteration_estimate_aggregate_size(rows);
-  return iterations > MANY ? size * 3 / 4 : size;
+  ms_coarse_size size = ms_iteration_estimate_coarse_size(model);
+  if (iterations > MANY && !size.cluster) size.aggregate = size.aggregate * 3 / 4;
+  return size;
 }
 
 ms_iteration_estimate ms_iteration_estimate_compute(const ms_model *model, double h, double rtol) {
@@ -54,6 +59,6 @@ ms_iteration_estimate ms_iteration_estimate_compute(const ms_model *model, doubl
                              .one_level = 0.08 * sqrt(kappa) * digits,
                              .two_level = 0.8 * pow(kappa, 0.125) * digits};
   if (p.one_level > ITERATION_COST * p.two_level + SETUP_COST)
-    p.aggregate_size = choose_aggregate_size(model->unknowns.nfree, p.two_level);
+    p.coarse = choose_coarse_size(model, p.two_level);
   return p;
 }

@@ -3,7 +3,7 @@
 #ifndef MS_ITERATION_ESTIMATE_H
 #define MS_ITERATION_ESTIMATE_H
 
-#include "physics/model.h"
+#include "linear/linear.h"
 
 /* By Gershgorin kappa(A) <= 1 + max_i 2 sum_j (h^2 k + h c)/m_i, in every state. The numbers of
  * iterations are fitted to folding cloths of 1e3 to 2.5e5 particles and to elastic lattices, k from
@@ -14,11 +14,11 @@
 typedef struct ms_iteration_estimate {
   double kappa;
   double one_level, two_level; /* iterations */
-  int32_t aggregate_size;      /* unknowns per aggregate; 0: a coarse space is not cost-effective */
+  ms_coarse_size coarse;       /* without aggregates where a coarse space is not cost-effective */
 } ms_iteration_estimate;
 
-/* Unknowns per aggregate for a system of so many, if a coarse space is used in any case */
-int32_t ms_iteration_estimate_aggregate_size(int32_t rows);
+/* If a coarse space is used in any case */
+ms_coarse_size ms_iteration_estimate_coarse_size(const ms_model *model);
 
 ms_iteration_estimate ms_iteration_estimate_compute(const ms_model *model, double h, double rtol);
 

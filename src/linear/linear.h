@@ -85,10 +85,15 @@ struct ms_linear {
 /* The solver for a diagonal A, where no spring couples unknowns: y_i = b_i / (m_i + h drag). */
 msim_status ms_diagonal_create(const ms_linear_system *system, ms_linear **linear, msim_error *err);
 
-/* Matrix-free conjugate gradients with block Jacobi and a coarse space of aggregates of about
- * `aggregate` unknowns; 0: block Jacobi alone. */
+/* A coarse space (coarse.h) */
+typedef struct ms_coarse_size {
+  int32_t aggregate; /* unknowns in an aggregate, approximately; 0: there is none */
+  int32_t cluster;   /* aggregates in a cluster of the cycle; 0: P^T A P is factored */
+} ms_coarse_size;
+
+/* Matrix-free conjugate gradients with block Jacobi and a coarse space */
 msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *opt,
-                          int32_t aggregate, ms_linear **linear, msim_error *err);
+                          ms_coarse_size size, ms_linear **linear, msim_error *err);
 
 /* A backend of the plugin ABI by its name: one of opt->backends, linked in, or from a plugin. */
 msim_status ms_adapter_create(const ms_linear_system *system, const char *name,

@@ -334,10 +334,9 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
  * which only factor() uses, lie in p and q. */
 static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   const ms_model *model = s->base.system->model;
-  const ms_block_cholesky *chol = &s->coarse.chol;
   const size_t vector = (size_t)model->unknowns.dims * (size_t)model->unknowns.stride;
-  s->r = chol->value;
-  if (ms_block_cholesky_size(chol) < 4 * vector)
+  s->r = s->coarse.value;
+  if (ms_coarse_value_size(&s->coarse) < 4 * vector)
     s->r = MS_NEW(&model->scene->alloc, s->vectors, 4 * vector);
   if (!s->r) return ms_error_set_memory(err, "conjugate gradients");
   s->z = s->r + vector, s->p = s->z + vector, s->q = s->p + vector;
@@ -345,23 +344,20 @@ static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* In solids the coarse factor grows faster than the mesh. Where it has more than half as many
- * numbers as the matrix, aggregates of twice the size cost more iterations but less time: a cube of
- * 0.26 million particles takes 94, 117 and 165 iterations with 96, 192 and 800 unknowns per
- * aggregate, in 5.4, 5.2 and 2.9 s, after 11, 5.2 and 0.2 s for the factor. Two alternatives were
- * slower: an intermediate level, of blocks of small aggregates, saves a tenth of the iterations but
- * makes each one a quarter more expensive; CHOLMOD takes longer to factor the coarse matrix and to
- * solve with it, in cloth and, at such sizes, in solids. */
-static msim_status create_coarse(ms_pcg *s, int32_t aggregate, msim_error *err) {
-  const double LITTLE = 1e6;
+/* In solids a factor grows faster than the mesh. Where that of aggregates has more than half as
+ * many numbers as the matrix, or that of clusters, which one thread applies, over 0.15 times as
+ * many, larger ones cost more iterations but less time. */
+static msim_status create_coarse(ms_pcg *s, ms_coarse_size size, msim_error *err) {
+  const double LITTLE = 1e6, SHARE = size.cluster ? 0.15 : 0.5;
+  int32_t *growing = size.cluster ? &size.cluster : &size.aggregate;
   const ms_model *model = s->base.system->model;
-  for (;; aggregate *= 2) {
-    msim_status status = ms_coarse_create(model, aggregate, &s->coarse, err);
-    const ms_block_cholesky *chol = &s->coarse.chol;
+  for (;; *growing *= 2) {
+    msim_status status = ms_coarse_create(model, size, &s->coarse, err);
+    const ms_block_cholesky *chol = size.cluster ? &s->coarse.cycle.chol : &s->coarse.chol;
     if (status) return status;
     const double factor = (double)ms_block_cholesky_size(chol);
     const double matrix = 4.0 * MS_SLICE * model->half_edges.nentries;
-    if (factor <= fmax(0.5 * matrix, LITTLE)) return MSIM_OK;
+    if (factor <= fmax(SHARE * matrix, LITTLE)) return MSIM_OK;
     ms_coarse_destroy(&s->coarse);
   }
 }
@@ -375,7 +371,7 @@ static void set_model(ms_linear *base) {
 static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }
 
 msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *opt,
-                          int32_t aggregate, ms_linear **linear, msim_error *err) {
+                          ms_coarse_size size, ms_linear **linear, msim_error *err) {
   static const ms_linear_ops ops = {.factor = pcg_factor,
                                     .solve = pcg_solve,
                                     .prepare_descent = pcg_prepare_descent,
@@ -392,7 +388,7 @@ msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *op
   s->kernels = ms_pcg_kernels_of[model->isa];
   s->may_reuse_coarse = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
   msim_status status = pcg_allocate(s, err);
-  if (!status && aggregate) status = create_coarse(s, aggregate, err);
+  if (!status && size.aggregate) status = create_coarse(s, size, err);
   if (!status) status = create_vectors(s, err);
   s->base.aggregates = s->coarse.aggregates.n;
   if (status) pcg_destroy(&s->base);

@@ -31,7 +31,7 @@ typedef struct ms_pcg {
   float *inverse;  /* jacobi.inverse, rounded; in blocks even where that is scalar */
   double *inertia; /* first_pinned: m + h b, with the mean of the block of a force function */
   double *r, *z, *p, *q, *y; /* y: the caller's */
-  double *vectors;           /* r, z, p and q; NULL: in coarse.chol.value */
+  double *vectors;           /* r, z, p and q; NULL: in coarse.value */
   ms_coarse coarse;
   int coarse_is_ready;     /* 1: the coarse matrix is factored */
   int may_reuse_coarse;    /* 1: that factor may be lagged, i.e. serve later systems */

@@ -1,0 +1,234 @@
+#include "linear/coarse_cycle.h"
+
+#include <string.h>
+
+#include "linear/block_kernels.h"
+#include "linear/cluster_modes.h"
+#include "linear/clusters.h"
+#include "linear/coarse_cycle_kernels.h"
+
+MS_TABLES(ms_coarse_cycle_kernels);
+
+/*------------------------------------- pattern --------------------------------------------------*/
+
+/* The links of each row ascend, as columns are gone through in their order. */
+static int list_links(const msim_allocator *alloc, const ms_sparse_graph *graph,
+                      ms_coarse_cycle *s) {
+  const int32_t n = graph->n, links = graph->ptr[n] / 2;
+  int32_t *next = NULL;
+  int fits = MS_NEW(alloc, s->first, (size_t)n + 1) && MS_NEW(alloc, s->position, n) &&
+             MS_NEW(alloc, s->row, links) && MS_NEW(alloc, s->column, links) &&
+             MS_NEW(alloc, next, n);
+  for (int32_t k = 0; k < n && fits; k++) {
+    s->position[k] = k;
+    next[k] = s->first[k + 1] = s->first[k];
+    for (int32_t at = graph->ptr[k]; at < graph->ptr[k + 1]; at++)
+      s->first[k + 1] += graph->ind[at] < k;
+  }
+  for (int32_t column = 0; column < n && fits; column++)
+    for (int32_t at = graph->ptr[column]; at < graph->ptr[column + 1]; at++)
+      if (graph->ind[at] > column) {
+        const int32_t e = next[graph->ind[at]]++;
+        s->row[e] = graph->ind[at], s->column[e] = column;
+      }
+  ms_memory_free(alloc, next);
+  return fits && ms_buckets_create(alloc, links, s->column, n, &s->above);
+}
+
+int32_t ms_coarse_cycle_find(const ms_coarse_cycle *s, int32_t i, int32_t j) {
+  if (i == j) return i;
+  for (int32_t e = s->first[i]; e < s->first[i + 1]; e++)
+    if (s->column[e] == j) return s->n + e;
+  return -1;
+}
+
+static int group_aggregates(const msim_allocator *alloc, int32_t size, ms_coarse_cycle *s,
+                            int32_t *clusters) {
+  const ms_springs links = {.n = s->first[s->n], .i = s->row, .j = s->column};
+  const ms_cluster_size aggregates = {.complete = size, .least = 1};
+  ms_incidence graph = {0};
+  int fits = MS_NEW(alloc, s->cluster, s->n) && ms_incidence_create(alloc, &links, s->n, &graph);
+  if (fits) *clusters = ms_clusters_grow(alloc, &graph, s->n, aggregates, s->cluster, &s->members);
+  ms_incidence_destroy(alloc, &graph);
+  return fits && *clusters >= 0;
+}
+
+/* The clusters linked with each one, of both triangles; ind NULL: ptr only. mark: scratch, n */
+static void list_cluster_graph(const ms_coarse_cycle *s, int32_t *mark, ms_sparse_graph *graph) {
+  for (int32_t c = 0; c < graph->n; c++) mark[c] = -1;
+  for (int32_t c = 0; c < graph->n; c++) {
+    graph->ptr[c + 1] = graph->ptr[c];
+    mark[c] = c;
+    for (int32_t i = s->members.first[c]; i < s->members.first[c + 1]; i++) {
+      const int32_t k = s->members.item[i], below = s->first[k + 1] - s->first[k];
+      const int32_t all = below + s->above.first[k + 1] - s->above.first[k];
+      for (int32_t e = 0; e < all; e++) {
+        const int32_t other =
+            s->cluster[e < below ? s->column[s->first[k] + e]
+                                 : s->row[s->above.item[s->above.first[k] + e - below]]];
+        if (other < 0 || mark[other] == c) continue;
+        mark[other] = c;
+        if (graph->ind) graph->ind[graph->ptr[c + 1]] = other;
+        graph->ptr[c + 1]++;
+      }
+    }
+  }
+}
+
+static msim_status analyse_clusters(const ms_model *model, int32_t clusters, ms_coarse_cycle *s,
+                                    msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  ms_sparse_graph graph = {.n = clusters};
+  int32_t *mark = NULL;
+  int fits = MS_NEW(alloc, graph.ptr, (size_t)clusters + 1) && MS_NEW(alloc, mark, clusters);
+  if (fits) list_cluster_graph(s, mark, &graph);
+  fits = fits && MS_NEW(alloc, graph.ind, graph.ptr[clusters]);
+  if (fits) list_cluster_graph(s, mark, &graph);
+  const msim_status status =
+      fits ? ms_block_cholesky_create(alloc, &graph, s->block, model->isa, &s->chol, err)
+           : ms_error_set_memory(err, "the coarse matrix");
+  MS_FREE(alloc, graph.ptr, graph.ind, mark);
+  return status;
+}
+
+/*------------------------------------- creation and destruction ---------------------------------*/
+
+static int allocate_values(const msim_allocator *alloc, int32_t clusters, ms_coarse_cycle *s) {
+  const size_t n = (size_t)s->n, block = (size_t)s->block, area = block * block;
+  return MS_NEW(alloc, s->value, ms_coarse_cycle_size(s)) && MS_NEW(alloc, s->inverse, area * n) &&
+         MS_NEW(alloc, s->link, area * (size_t)s->first[n]) &&
+         MS_NEW(alloc, s->prolongation, area * n) && MS_NEW(alloc, s->r, block * n) &&
+         MS_NEW(alloc, s->z, block * n) && MS_NEW(alloc, s->c, block * (size_t)clusters);
+}
+
+msim_status ms_coarse_cycle_create(const ms_model *model, const ms_aggregates *aggregates,
+                                   const ms_sparse_graph *graph, int32_t size, ms_coarse_cycle *s,
+                                   msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  int32_t clusters = 0;
+  *s = (ms_coarse_cycle){.n = graph->n,
+                         .block = MS_MODES * model->unknowns.dims,
+                         .kernels = ms_coarse_cycle_kernels_of[model->isa]};
+  if (!list_links(alloc, graph, s) || !group_aggregates(alloc, size, s, &clusters) ||
+      !MS_NEW(alloc, s->modes, MS_MODES * MS_MODES * (size_t)s->n) ||
+      !allocate_values(alloc, clusters, s))
+    return ms_error_set_memory(err, "the coarse matrix");
+  const msim_status status =
+      ms_cluster_modes_compute(model, aggregates, s->cluster, clusters, &s->members, s->modes, err);
+  return status ? status : analyse_clusters(model, clusters, s, err);
+}
+
+void ms_coarse_cycle_destroy(const msim_allocator *alloc, ms_coarse_cycle *s) {
+  ms_buckets_destroy(alloc, &s->above);
+  ms_buckets_destroy(alloc, &s->members);
+  ms_block_cholesky_destroy(alloc, &s->chol);
+  MS_FREE(alloc, s->position, s->first, s->row, s->column, s->value, s->inverse, s->link,
+          s->prolongation, s->cluster, s->modes, s->r, s->z, s->c);
+  *s = (ms_coarse_cycle){0};
+}
+
+/*------------------------------------- values ---------------------------------------------------*/
+
+/* One loop over all aggregates or clusters, by all threads; no two write to the same place. */
+typedef struct cycle_job {
+  ms_coarse_cycle *s;
+  const double *r;
+  double *z;
+} cycle_job;
+
+enum { CHUNK = 16 };
+
+static void add_products_chunk(void *data, int32_t begin, int32_t end) {
+  ms_coarse_cycle *s = ((cycle_job *)data)->s;
+  for (int32_t c = begin; c < end; c++) s->kernels->add_products(s, c);
+}
+
+/* Replace D_k by L^-1; L^T Q follows from L. Returns 0 if D_k is not positive definite. */
+static int factor_diagonal(ms_coarse_cycle *s, int32_t k) {
+  const size_t n = (size_t)s->block, area = n * n;
+  double *l = s->value + area * (size_t)k,
+         inverse[MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK];
+  float *to = s->prolongation + area * (size_t)k;
+  const float *modes = s->modes + MS_MODES * MS_MODES * k;
+  if (!s->chol.kernels->invert_factor(n, l, inverse)) return 0;
+  for (size_t c = 0; c < n; c++)
+    for (size_t i = 0; i < n; i++) {
+      const size_t of = c / MS_MODES * MS_MODES; /* the component's first mode */
+      double sum = 0;
+      for (size_t q = 0; q < MS_MODES; q++)
+        if (of + q >= i) sum += l[i * n + of + q] * (double)modes[c % MS_MODES * MS_MODES + q];
+      to[c * n + i] = (float)sum;
+    }
+  memcpy(l, inverse, area * sizeof *l);
+  for (size_t i = 0; i < area; i++) s->inverse[area * (size_t)k + i] = (float)inverse[i];
+  return 1;
+}
+
+static void factor_diagonal_chunk(void *data, int32_t begin, int32_t end) {
+  ms_coarse_cycle *s = ((cycle_job *)data)->s;
+  for (int32_t k = begin; k < end; k++)
+    if (!factor_diagonal(s, k)) s->inverse[s->block * s->block * k] = 0;
+}
+
+static int is_definite(const ms_coarse_cycle *s) {
+  for (int32_t k = 0; k < s->n; k++)
+    if (!(s->inverse[s->block * s->block * k] > 0)) return 0;
+  return 1;
+}
+
+/* N^T = L_column^-1 A^T L_row^-T, as two products with transposes */
+static void scale_link(ms_coarse_cycle *s, int32_t e) {
+  const size_t n = (size_t)s->block, area = n * n;
+  double *a = s->value + area * (size_t)(s->n + e),
+         t[MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK];
+  float *to = s->link + area * (size_t)e;
+  s->chol.kernels->times_transpose(n, a, s->value + area * (size_t)s->column[e], to);
+  for (size_t i = 0; i < area; i++) t[i] = a[i % n * n + i / n];
+  s->chol.kernels->times_transpose(n, t, s->value + area * (size_t)s->row[e], to);
+}
+
+static void scale_links_chunk(void *data, int32_t begin, int32_t end) {
+  ms_coarse_cycle *s = ((cycle_job *)data)->s;
+  for (int32_t e = begin; e < end; e++) scale_link(s, e);
+}
+
+msim_status ms_coarse_cycle_factor(ms_coarse_cycle *s, ms_pool *pool) {
+  cycle_job j = {.s = s};
+  memset(s->chol.value, 0, ms_block_cholesky_size(&s->chol) * sizeof *s->chol.value);
+  ms_pool_run_chunks(pool, add_products_chunk, &j, s->chol.n, CHUNK);
+  ms_pool_run_chunks(pool, factor_diagonal_chunk, &j, s->n, CHUNK);
+  if (!is_definite(s)) return MSIM_NOT_SPD;
+  ms_pool_run_chunks(pool, scale_links_chunk, &j, s->first[s->n], CHUNK);
+  return ms_block_cholesky_factor(&s->chol);
+}
+
+/*------------------------------------- solution -------------------------------------------------*/
+
+static void scale_chunk(void *data, int32_t begin, int32_t end) {
+  const cycle_job *j = data;
+  for (int32_t k = begin; k < end; k++) j->s->kernels->scale(j->s, j->r, k);
+}
+
+static void restrict_chunk(void *data, int32_t begin, int32_t end) {
+  const cycle_job *j = data;
+  for (int32_t c = begin; c < end; c++) j->s->kernels->restrict_cluster(j->s, c);
+}
+
+static void correct_chunk(void *data, int32_t begin, int32_t end) {
+  const cycle_job *j = data;
+  for (int32_t k = begin; k < end; k++) j->s->kernels->correct(j->s, k);
+}
+
+static void finish_chunk(void *data, int32_t begin, int32_t end) {
+  const cycle_job *j = data;
+  for (int32_t k = begin; k < end; k++) j->s->kernels->finish(j->s, j->z, k);
+}
+
+void ms_coarse_cycle_solve(ms_coarse_cycle *s, ms_pool *pool, const double *r, double *z) {
+  cycle_job j = {.s = s, .r = r, .z = z};
+  ms_pool_run_chunks(pool, scale_chunk, &j, s->n, CHUNK);
+  ms_pool_run_chunks(pool, restrict_chunk, &j, s->chol.n, CHUNK / 4);
+  ms_block_cholesky_solve(&s->chol, s->c);
+  ms_pool_run_chunks(pool, correct_chunk, &j, s->n, CHUNK);
+  ms_pool_run_chunks(pool, finish_chunk, &j, s->n, CHUNK);
+}

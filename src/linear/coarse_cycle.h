@@ -1,0 +1,65 @@
+/* coarse_cycle - an approximate inverse of A = P^T A P (coarse.h) where its factor would be large
+ *
+ * One V-cycle with clusters of aggregates (Briggs, Henson and McCormick 2000, ch. 3 and 8):
+ *     z = S r,  z += Q (Q^T A Q)^-1 Q^T (r - A z),  z += S (r - A z),
+ * with damped block Jacobi, S = w D^-1, as smoother. Q maps the 4 modes of each cluster, the lowest
+ * eigenvectors of the Laplacian of its springs among the modes of its aggregates, to these; Q^T A Q
+ * is factored. The map r -> z is
+ *     2 S - S A S + T (Q^T A Q)^-1 T^T,  T = (I - S A) Q,
+ * which is symmetric, and positive definite for w < 2 / lambda_max(D^-1 A). As springs with t < 0
+ * are left out, and each spring acts on the difference of the motions of two aggregates at most,
+ * A <= 2 D (|a - b|^2 <= 2 |a|^2 + 2 |b|^2), so that each w < 1 will do.
+ *
+ * It computes in the units of D = L L^T, in which A becomes I + N, N = L^-1 (A - D) L^-T. There
+ * rounding to single precision is harmless however stiff springs are. */
+#ifndef MS_COARSE_CYCLE_H
+#define MS_COARSE_CYCLE_H
+
+#include "linear/aggregates.h"
+#include "linear/block_cholesky.h"
+
+/* w. Cloths take the fewest iterations near 0.8. */
+#define MS_COARSE_CYCLE_DAMPING 0.8
+
+typedef struct ms_coarse_cycle {
+  int32_t n, block;    /* aggregates, 0: there is no cycle; scalars of each */
+  int32_t *position;   /* n: i; owners as in block_cholesky.h */
+  int32_t *first;      /* n + 1: the range of each aggregate in `column` */
+  int32_t *row;        /* first[n]: links (row, column), column < row, by row, ascending */
+  int32_t *column;     /* first[n] */
+  ms_buckets above;    /* the links of each column */
+  double *value;       /* block^2 (n + first[n]): A, the diagonal blocks first; by columns */
+  float *inverse;      /* block^2 n: L^-1 */
+  float *link;         /* block^2 first[n]: N^T of each link */
+  float *prolongation; /* block^2 n: L^T Q */
+  int32_t *cluster;    /* n: that of each aggregate; -1: none */
+  ms_buckets members;  /* the aggregates of each cluster */
+  float *modes; /* 16 n: those of clusters at each mode of an aggregate, 4 by 4, by columns */
+  ms_block_cholesky chol; /* of Q^T A Q */
+  float *r, *z;           /* block n: L^-1 r; L^T z */
+  double *c;              /* block chol.n: Q^T (r - A z), then the correction by clusters */
+  const struct ms_coarse_cycle_kernels *kernels;
+} ms_coarse_cycle;
+
+/* size: aggregates in a cluster; graph: which aggregates springs connect */
+msim_status ms_coarse_cycle_create(const ms_model *model, const ms_aggregates *aggregates,
+                                   const ms_sparse_graph *graph, int32_t size,
+                                   ms_coarse_cycle *cycle, msim_error *err);
+void ms_coarse_cycle_destroy(const msim_allocator *alloc, ms_coarse_cycle *cycle);
+
+/* The length of `value` */
+static inline size_t ms_coarse_cycle_size(const ms_coarse_cycle *cycle) {
+  return (size_t)(cycle->block * cycle->block) * (size_t)(cycle->n + cycle->first[cycle->n]);
+}
+
+/* The index in `value` of block (i, j), i >= j; -1: not in the pattern */
+int32_t ms_coarse_cycle_find(const ms_coarse_cycle *cycle, int32_t i, int32_t j);
+
+/* Prepare cycles with A, given in `value`, whose content is lost. MSIM_NOT_SPD: A is not positive
+ * definite. */
+msim_status ms_coarse_cycle_factor(ms_coarse_cycle *cycle, ms_pool *pool);
+
+/* z, approximately A^-1 r; each has `block` scalars per aggregate. */
+void ms_coarse_cycle_solve(ms_coarse_cycle *cycle, ms_pool *pool, const double *r, double *z);
+
+#endif

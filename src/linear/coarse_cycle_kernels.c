@@ -1,0 +1,181 @@
+/* This file is compiled once per instruction set, MS_ISA. Blocks are by columns, of n scalars, a
+ * constant where functions are inlined. */
+#include "linear/coarse_cycle_kernels.h"
+
+#include "base/simd.h"
+
+enum { BLOCK = MS_BLOCK_CHOLESKY_MAX_BLOCK, QUADS = BLOCK / MS_MODES };
+
+/*------------------------------------- blocks and vectors ---------------------------------------*/
+
+/* y += a x */
+MS_INLINE void add_product(size_t n, const float *a, const double *x, ms_quad y[QUADS]) {
+  for (size_t c = 0; c < n; c++)
+    for (size_t q = 0; q < n / 4; q++) y[q] += ms_simd_load_float_quad(a + c * n + 4 * q) * x[c];
+}
+
+/* sums[c] += column c of a times y, lane by lane */
+MS_INLINE void add_transposed(size_t n, const float *a, const double *y, ms_quad sums[BLOCK]) {
+  for (size_t c = 0; c < n; c++)
+    for (size_t q = 0; q < n / 4; q++)
+      sums[c] += ms_simd_load_float_quad(a + c * n + 4 * q) * ms_simd_load_quad(y + 4 * q);
+}
+
+MS_INLINE ms_quad total(const ms_quad *sums) {
+  return ms_simd_quad_sums(sums[0], sums[1], sums[2], sums[3]);
+}
+
+/* y = N x at aggregate k, in single precision: two thirds of the work of a cycle */
+MS_INLINE void multiply_links(size_t n, const ms_coarse_cycle *s, const float *x, int32_t k,
+                              ms_quad y[QUADS]) {
+  ms_float_quad sums[BLOCK], own[QUADS] = {{0}};
+  for (size_t c = 0; c < n; c++) sums[c] = (ms_float_quad){0};
+  for (int32_t e = s->first[k]; e < s->first[k + 1]; e++) {
+    const float *a = s->link + n * n * (size_t)e, *from = x + n * (size_t)s->column[e];
+    for (size_t c = 0; c < n; c++)
+      for (size_t q = 0; q < n; q += 4)
+        sums[c] = ms_simd_fma_narrow_quad(ms_simd_load_narrow_quad(a + c * n + q),
+                                          ms_simd_load_narrow_quad(from + q), sums[c]);
+  }
+  for (int32_t i = s->above.first[k]; i < s->above.first[k + 1]; i++) {
+    const size_t e = (size_t)s->above.item[i];
+    const float *a = s->link + n * n * e, *from = x + n * (size_t)s->row[e];
+    for (size_t c = 0; c < n; c++)
+      for (size_t q = 0; q < n / 4; q++)
+        own[q] = ms_simd_fma_narrow_quad(ms_simd_load_narrow_quad(a + c * n + 4 * q),
+                                         (ms_float_quad){0} + from[c], own[q]);
+  }
+  for (size_t q = 0; q < n / 4; q++) {
+    ms_quad wide[4];
+    for (size_t c = 0; c < 4; c++) wide[c] = ms_simd_widen_quad(sums[4 * q + c]);
+    y[q] = ms_simd_widen_quad(own[q]) + total(wide);
+  }
+}
+
+/*------------------------------------- one cycle ------------------------------------------------*/
+
+MS_INLINE void scale_of(size_t n, ms_coarse_cycle *s, const double *r, int32_t k) {
+  ms_quad y[QUADS] = {{0}};
+  add_product(n, s->inverse + n * n * (size_t)k, r + n * (size_t)k, y);
+  for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->r + n * (size_t)k + 4 * q, y[q]);
+}
+
+/* After z = w r, the residual is r - (I + N) w r. */
+MS_INLINE void restrict_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
+  ms_quad sums[BLOCK];
+  for (size_t c = 0; c < n; c++) sums[c] = (ms_quad){0};
+  for (int32_t i = s->members.first[cluster]; i < s->members.first[cluster + 1]; i++) {
+    const size_t k = (size_t)s->members.item[i];
+    ms_quad y[QUADS];
+    double residual[BLOCK];
+    multiply_links(n, s, s->r, (int32_t)k, y);
+    for (size_t q = 0; q < n / 4; q++)
+      ms_simd_store_quad(residual + 4 * q, (1 - MS_COARSE_CYCLE_DAMPING) *
+                                                   ms_simd_load_float_quad(s->r + n * k + 4 * q) -
+                                               MS_COARSE_CYCLE_DAMPING * y[q]);
+    add_transposed(n, s->prolongation + n * n * k, residual, sums);
+  }
+  for (size_t q = 0; q < n / 4; q++)
+    ms_simd_store_quad(s->c + n * (size_t)cluster + 4 * q, total(sums + 4 * q));
+}
+
+MS_INLINE void correct_of(size_t n, ms_coarse_cycle *s, int32_t k) {
+  const size_t at = n * (size_t)k;
+  ms_quad z[QUADS];
+  for (size_t q = 0; q < n / 4; q++)
+    z[q] = MS_COARSE_CYCLE_DAMPING * ms_simd_load_float_quad(s->r + at + 4 * q);
+  if (s->cluster[k] >= 0)
+    add_product(n, s->prolongation + n * at, s->c + n * (size_t)s->cluster[k], z);
+  for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->z + at + 4 * q, z[q]);
+}
+
+/* L^-T (z + w (r - (I + N) z)) */
+MS_INLINE void finish_of(size_t n, const ms_coarse_cycle *s, double *out, int32_t k) {
+  const size_t at = n * (size_t)k;
+  ms_quad y[QUADS], sums[BLOCK];
+  double smooth[BLOCK];
+  multiply_links(n, s, s->z, k, y);
+  for (size_t q = 0; q < n / 4; q++) {
+    const ms_quad r = ms_simd_load_float_quad(s->r + at + 4 * q),
+                  z = ms_simd_load_float_quad(s->z + at + 4 * q);
+    ms_simd_store_quad(smooth + 4 * q, z + MS_COARSE_CYCLE_DAMPING * (r - z - y[q]));
+  }
+  for (size_t c = 0; c < n; c++) sums[c] = (ms_quad){0};
+  add_transposed(n, s->inverse + n * at, smooth, sums);
+  for (size_t q = 0; q < n / 4; q++) ms_simd_store_quad(out + at + 4 * q, total(sums + 4 * q));
+}
+
+/*------------------------------------- Galerkin product -----------------------------------------*/
+
+/* to += Q_row^T a Q_column, component by component, each 4 x 4; or its transpose */
+MS_INLINE void add_projection(size_t n, const double *a, const float *row, const float *column,
+                              int transposed, double *to) {
+  for (size_t at = 0; at < n * n; at += 4 * n)
+    for (size_t c = 0; c < n; c += 4) {
+      double right[4][4] = {{0}}; /* a Q_column, by columns */
+      for (size_t j = 0; j < 16; j++)
+        for (size_t i = 0; i < 4; i++)
+          right[j / 4][i] += a[at + j % 4 * n + c + i] * (double)column[j];
+      for (size_t j = 0; j < 16; j++) {
+        double sum = 0;
+        for (size_t i = 0; i < 4; i++) sum += (double)row[j % 4 * 4 + i] * right[j / 4][i];
+        to[transposed ? (c + j % 4) * n + at / n + j / 4 : at + j / 4 * n + c + j % 4] += sum;
+      }
+    }
+}
+
+/* Link e to the block of its two clusters, if `own` is the one that is eliminated later, or both */
+MS_INLINE void add_link(size_t n, ms_coarse_cycle *s, int32_t e, int32_t own) {
+  const int32_t row = s->row[e], column = s->column[e];
+  const int32_t i = s->cluster[row], j = s->cluster[column], *position = s->chol.position;
+  if (i < 0 || j < 0 || position[own] < position[own == i ? j : i]) return;
+  double *to = s->chol.value + n * n * (size_t)ms_block_cholesky_find(&s->chol, i, j);
+  const double *a = s->value + n * n * (size_t)(s->n + e);
+  const float *left = s->modes + 16 * (size_t)row, *right = s->modes + 16 * (size_t)column;
+  if (own == i) add_projection(n, a, left, right, 0, to);
+  if (own == j) add_projection(n, a, left, right, 1, to);
+}
+
+MS_INLINE void add_products_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
+  const int32_t own = ms_block_cholesky_find(&s->chol, cluster, cluster);
+  for (int32_t i = s->members.first[cluster]; i < s->members.first[cluster + 1]; i++) {
+    const int32_t k = s->members.item[i];
+    const float *modes = s->modes + 16 * (size_t)k;
+    add_projection(n, s->value + n * n * (size_t)k, modes, modes, 0,
+                   s->chol.value + n * n * (size_t)own);
+    for (int32_t e = s->first[k]; e < s->first[k + 1]; e++) add_link(n, s, e, cluster);
+    for (int32_t a = s->above.first[k]; a < s->above.first[k + 1]; a++)
+      if (s->cluster[s->row[s->above.item[a]]] != cluster)
+        add_link(n, s, s->above.item[a], cluster);
+  }
+}
+
+/*------------------------------------- 2 and 3 components ---------------------------------------*/
+
+static void add_products(ms_coarse_cycle *s, int32_t cluster) {
+  if (s->block == 12) add_products_of(12, s, cluster);
+  else add_products_of(8, s, cluster);
+}
+
+static void scale(ms_coarse_cycle *s, const double *r, int32_t k) {
+  if (s->block == 12) scale_of(12, s, r, k);
+  else scale_of(8, s, r, k);
+}
+
+static void restrict_cluster(ms_coarse_cycle *s, int32_t cluster) {
+  if (s->block == 12) restrict_of(12, s, cluster);
+  else restrict_of(8, s, cluster);
+}
+
+static void correct(ms_coarse_cycle *s, int32_t k) {
+  if (s->block == 12) correct_of(12, s, k);
+  else correct_of(8, s, k);
+}
+
+static void finish(const ms_coarse_cycle *s, double *z, int32_t k) {
+  if (s->block == 12) finish_of(12, s, z, k);
+  else finish_of(8, s, z, k);
+}
+
+const ms_coarse_cycle_kernels MS_TABLE(ms_coarse_cycle_kernels) = {
+    add_products, scale, restrict_cluster, correct, finish};
