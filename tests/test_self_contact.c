@@ -307,11 +307,9 @@ static void edits_change_the_surface(void **state) {
   msim_scene_destroy(scene), msim_scene_destroy(start);
 }
 
-static void want_of_memory(void **state) {
-  (void)state;
-  if (!FAILING_MALLOC) skip();
+static void fail_each_allocation(const char *method) {
   msim_scene *scene = two_sheets(0.3);
-  const msim_options opt = options("velocity-verlet", 1e-3);
+  const msim_options opt = options(method, 1e-3);
   for (int64_t which = 0;; which++) {
     msim_error why;
     msim_sim *sim;
@@ -331,6 +329,13 @@ static void want_of_memory(void **state) {
     if (!failed) break;
   }
   msim_scene_destroy(scene);
+}
+
+static void want_of_memory(void **state) {
+  (void)state;
+  if (!FAILING_MALLOC) skip();
+  fail_each_allocation("velocity-verlet");
+  fail_each_allocation("linearly-implicit-euler");
 }
 
 int main(void) {

@@ -4,8 +4,9 @@
 
 #include "base/clock.h"
 #include "base/vec3.h"
+#include "contact/contact_projection.h"
+#include "contact/pair_impulses.h"
 #include "contact/step_energy.h"
-#include "contact/surface_pairs.h"
 #include "physics/external_force.h"
 #include "physics/moving_pins.h"
 #include "scene/motions.h"
@@ -17,21 +18,31 @@ enum {
 
 struct ms_self_contact {
   double friction;
+  int is_linear;  /* of implicit methods: 1: linear in the unknowns of a step */
+  int is_bounded; /* 1: steps with contact must not add what those without it add */
   ms_surface_pairs pairs;
+  ms_contact_projection projection; /* of implicit methods; else empty */
+  ms_contact_bodies bodies;
   double *x0, *x1, *v; /* 3 nnodes: at the start and at the end of the step */
   int32_t *stopped;    /* nnodes: the pass in which a node was stopped; 0: it was not */
+  double pin_work;     /* J: of moving pins on springs in the step without contact */
   double *best[2];     /* vectors: of several ends of the step, that with the least energy */
   ms_totals *parts;    /* scratch */
 };
 
-msim_status ms_self_contact_create(const ms_model *model, ms_self_contact **contact,
-                                   msim_error *err) {
+msim_status ms_self_contact_create(const ms_integrator *method, const ms_model *model,
+                                   ms_self_contact **contact, msim_error *err) {
   const ms_scene *scene = model->scene;
   ms_self_contact *c = *contact = ms_memory_allocate(&scene->alloc, 1, sizeof *c);
   if (!c) return ms_error_set_memory(err, "the surface");
   c->friction = scene->self_contact.friction;
-  const msim_status status =
+  c->is_linear = !method->nonlinear;
+  c->is_bounded = method->entry.implicit && method->entry.order > 1;
+  msim_status status =
       ms_surface_pairs_create(model, scene->self_contact.thickness, &c->pairs, err);
+  if (!status && method->entry.implicit)
+    status = ms_contact_projection_create(model, &c->pairs.surface, &c->projection, err);
+  if (!status) status = ms_contact_bodies_create(model, &c->bodies, err);
   if (status) return status;
   const size_t n = (size_t)c->pairs.surface.nnodes;
   if (MS_NEW(&scene->alloc, c->x0, 3 * n) && MS_NEW(&scene->alloc, c->x1, 3 * n) &&
@@ -42,9 +53,12 @@ msim_status ms_self_contact_create(const ms_model *model, ms_self_contact **cont
   return ms_error_set_memory(err, "the surface");
 }
 
-void ms_self_contact_destroy(const ms_scene *scene, ms_self_contact *contact) {
+void ms_self_contact_destroy(const ms_model *model, ms_self_contact *contact) {
+  const ms_scene *scene = model->scene;
   if (!contact) return;
   ms_surface_pairs_destroy(scene, &contact->pairs);
+  ms_contact_projection_destroy(model, &contact->projection);
+  ms_contact_bodies_destroy(model, &contact->bodies);
   MS_FREE(&scene->alloc, contact->x0, contact->x1, contact->v, contact->stopped, contact->parts,
           contact->best[0], contact->best[1], contact);
 }
@@ -99,6 +113,9 @@ static void gather_step(ms_self_contact *c, const ms_stepper *s) {
   gather_end(c, s);
   set_pinned(&c->pairs.surface, s->model->scene, start, c->x0);
   set_pinned(&c->pairs.surface, s->model->scene, end, c->x1);
+  for (int32_t k = 0; k < c->pairs.surface.nnodes; k++)
+    for (size_t i = 3 * (size_t)k; i < 3 * (size_t)k + 3 && c->pairs.surface.row[k] < 0; i++)
+      c->v[i] = (c->x1[i] - c->x0[i]) / s->h;
 }
 
 /*------------------------------------- planes of contact ----------------------------------------*/
@@ -130,6 +147,7 @@ static void start_pairs(ms_self_contact *c, double longest_return) {
     p->stop = ms_proximity_stop(at.distance, p->least);
     const double missing = fmax(0, p->thickness - at.distance);
     p->target = fmin(p->thickness, at.distance + fmin(RETURN * missing, longest_return));
+    p->unit = p->target;
     memcpy(p->apart, at.normal, sizeof p->apart);
     if (at.distance <= p->thickness && are_inside(&at)) set_plane(p, &at);
   }
@@ -157,81 +175,6 @@ static int64_t find_collisions(ms_self_contact *c, int keeps_planes) {
   return n;
 }
 
-/*------------------------------------- impulses -------------------------------------------------*/
-
-/* sum_c w_c y_c */
-static void combine(const ms_surface_pair *p, const double *y, double sum[3]) {
-  sum[0] = sum[1] = sum[2] = 0;
-  for (int k = 0; k < 4; k++) ms_vec3_axpy(p->weight[k], y + 3 * (size_t)p->node[k], sum);
-}
-
-/* y_c += by w_c/m_c d */
-static void add_impulse(const ms_self_contact *c, const ms_surface_pair *p, double by,
-                        const double d[3], double *y) {
-  for (int k = 0; k < 4; k++)
-    ms_vec3_axpy(by * p->weight[k] * c->pairs.surface.inv_mass[p->node[k]], d,
-                 y + 3 * (size_t)p->node[k]);
-}
-
-/* Change the relative motion u = sum_c w_c y_c by `change` > 0 along the normal, and by at most
- * friction times that against its tangential part. mobility: sum_c w_c^2/m_c */
-static void push(const ms_self_contact *c, const ms_surface_pair *p, double mobility, double change,
-                 const double u[3], double *y) {
-  double tangential[3] = {u[0], u[1], u[2]};
-  ms_vec3_axpy(-ms_vec3_dot(p->normal, u), p->normal, tangential);
-  const double speed = ms_vec3_norm(tangential);
-  const double stop = speed > 0 ? fmin(1, c->friction * change / speed) : 0;
-  add_impulse(c, p, change / mobility, p->normal, y);
-  if (stop > 0) add_impulse(c, p, -stop / mobility, tangential, y);
-}
-
-static double find_mobility(const ms_self_contact *c, const ms_surface_pair *p) {
-  double sum = 0;
-  for (int k = 0; k < 4; k++)
-    sum += p->weight[k] * p->weight[k] * c->pairs.surface.inv_mass[p->node[k]];
-  return sum;
-}
-
-/* One sweep over all planes; returns the number of those that had to push. */
-static int64_t push_positions(ms_self_contact *c) {
-  int64_t n = 0;
-  for (ms_surface_pair *p = c->pairs.pair; p < c->pairs.pair + c->pairs.n; p++) {
-    double start[3], way[3];
-    const double mobility = p->is_active ? find_mobility(c, p) : 0;
-    if (!(mobility > 0)) continue;
-    combine(p, c->x1, way);
-    const double missing = p->target - ms_vec3_dot(p->normal, way);
-    if (!(missing > 1e-6 * p->target)) continue;
-    combine(p, c->x0, start);
-    ms_vec3_axpy(-1, start, way);
-    push(c, p, mobility, missing, way, c->x1);
-    p->is_pushed = 1;
-    n++;
-  }
-  return n;
-}
-
-static int64_t push_velocities(ms_self_contact *c) {
-  int64_t n = 0;
-  for (const ms_surface_pair *p = c->pairs.pair; p < c->pairs.pair + c->pairs.n; p++) {
-    double u[3];
-    if (!p->is_pushed) continue;
-    combine(p, c->v, u);
-    const double inwards = -ms_vec3_dot(p->normal, u);
-    if (!(inwards > 0)) continue;
-    push(c, p, find_mobility(c, p), inwards, u, c->v);
-    n++;
-  }
-  return n;
-}
-
-static int64_t count_pushed(const ms_self_contact *c) {
-  int64_t n = 0;
-  for (const ms_surface_pair *p = c->pairs.pair; p < c->pairs.pair + c->pairs.n; p++)
-    n += p->is_pushed;
-  return n;
-}
-
 /*------------------------------------- particles that stay --------------------------------------*/
 
 /* Returns 1 if it moved. */
@@ -239,6 +182,7 @@ static int stop_node(ms_self_contact *c, int32_t k, int32_t pass) {
   const size_t at = 3 * (size_t)k, bytes = 3 * sizeof *c->x0;
   if (c->stopped[k] || c->pairs.surface.row[k] < 0) return 0;
   c->stopped[k] = pass;
+  ms_contact_bodies_join(&c->bodies, c->pairs.surface.row[k], -1);
   memcpy(c->x1 + at, c->x0 + at, bytes);
   memset(c->v + at, 0, bytes);
   return 1;
@@ -320,20 +264,38 @@ static msim_status stop_all_colliding(ms_self_contact *c, ms_stepper *s, msim_er
 
 /*------------------------------------- the step -------------------------------------------------*/
 
-static void reflect(ms_self_contact *c, ms_stepper *s) {
-  ms_stepper_reflect_remaining(s, NULL);
+/* Moves particles out of obstacles, which hold the bodies of nodes and, in the projection, the
+ * nodes from now on. Returns the longest way of a node. */
+static double reflect(ms_self_contact *c, ms_stepper *s) {
+  const ms_contact_surface *surface = &c->pairs.surface;
+  double longest = 0;
   gather_end(c, s);
+  ms_stepper_reflect_remaining(s, NULL);
+  for (int32_t k = 0; k < surface->nnodes; k++) {
+    double x[3], way[3];
+    if (surface->row[k] < 0) continue;
+    ms_unknowns_get(&s->model->unknowns, s->x_next, surface->row[k], x);
+    memcpy(way, x, sizeof way);
+    ms_vec3_axpy(-1, c->x1 + 3 * (size_t)k, way);
+    const double size = ms_vec3_norm(way);
+    if (!(size > 0)) continue;
+    longest = fmax(longest, size);
+    ms_contact_bodies_join(&c->bodies, surface->row[k], -1);
+    if (c->projection.d) ms_contact_projection_hold(&c->projection, k, way, x, c->pairs.thickness);
+  }
+  gather_end(c, s);
+  return longest;
 }
 
 static int64_t sweep_positions(ms_self_contact *c) {
   int64_t pushed = 0, n = 1;
-  for (int sweep = 0; sweep < SWEEPS && n; sweep++) pushed += n = push_positions(c);
+  for (int sweep = 0; sweep < SWEEPS && n; sweep++)
+    pushed += n = ms_pair_impulses_push_positions(&c->pairs, c->friction, c->x0, c->x1);
   return pushed;
 }
 
-/* Push pairs apart, and out of obstacles. Returns the number of pairs that were pushed, or else of
- * those that collide, as all of their nodes are pinned. */
-static int64_t push_apart(ms_self_contact *c, ms_stepper *s) {
+/* Push pairs apart, and out of obstacles. Returns the number of pairs that collide in the end. */
+static int64_t sweep(ms_self_contact *c, ms_stepper *s) {
   int64_t collisions = 0;
   for (int round = 0; round < ROUNDS; round++) {
     collisions = find_collisions(c, round == 0);
@@ -341,23 +303,76 @@ static int64_t push_apart(ms_self_contact *c, ms_stepper *s) {
     scatter_end(c, s);
     reflect(c, s);
   }
+  return collisions;
+}
+
+/* x_next = x* + d, v_next = v* + d/h, out of obstacles */
+static double end_projection(ms_self_contact *c, ms_stepper *s) {
+  const ms_shape shape = s->model->shape;
+  ms_vector_add_scaled(shape, c->best[0], 1, c->projection.d, s->x_next);
+  ms_vector_add_scaled(shape, c->best[1], 1 / s->h, c->projection.d, s->v_next);
+  return reflect(c, s);
+}
+
+/* The same for implicit methods by contact_projection.h, from x*, v* in c->best. A round shows
+ * which obstacles hold nodes in the next one. */
+static int64_t project(ms_self_contact *c, ms_stepper *s) {
+  const ms_shape shape = s->model->shape;
+  const ms_projected_step step = {s,           c->is_linear, &c->pairs, &c->bodies,
+                                  c->friction, c->x0,        c->x1};
+  const double work = s->work_in_step, LITTLE = 0.05; /* of the thickness */
+  int64_t collisions = 0;
+  double reflected = 0;
+  for (int round = 0; round < ROUNDS; round++) {
+    collisions = find_collisions(c, round == 0);
+    if (round > 0 && collisions == 0 && reflected <= LITTLE * c->pairs.thickness) break;
+    ms_vector_add_scaled(shape, c->best[0], 1, c->projection.d, s->x_next);
+    gather_end(c, s);
+    ms_vector_copy(shape, c->best[0], s->x_next);
+    s->work_in_step = work;
+    ms_contact_projection_improve(&c->projection, &step);
+    reflected = end_projection(c, s);
+  }
+  s->work_in_step += ms_contact_projection_find_work(&step);
+  return collisions;
+}
+
+/* Returns the number of pairs that were pushed, or else of those that collide, as all of their
+ * nodes are pinned. */
+static int64_t push_apart(ms_self_contact *c, ms_stepper *s) {
+  const int64_t collisions = c->projection.d ? project(c, s) : sweep(c, s);
   for (int sweep = 0; sweep < SWEEPS; sweep++)
-    if (push_velocities(c) == 0) break;
-  const int64_t pushed = count_pushed(c);
+    if (ms_pair_impulses_push_velocities(&c->pairs, c->friction, c->v, &s->work_in_step) == 0)
+      break;
+  const int64_t pushed = ms_pair_impulses_count(&c->pairs);
   return pushed > 0 ? pushed : collisions;
 }
 
 /*------------------------------------- energy ---------------------------------------------------*/
 
-static double find_end_energy(const ms_self_contact *c, const ms_stepper *s, double *motion) {
-  return ms_step_energy_sum(s->model, s->x_next, s->v_next, c->parts, motion) - s->work_in_step;
+/* The work of moving pins on springs in the step as it is now, by the trapezoidal rule */
+static double find_pin_work(ms_stepper *s) {
+  const double before = s->work_in_step;
+  if (s->model->scene->nmotions == 0) return 0;
+  s->work_in_step = 0;
+  ms_stepper_add_trapezoidal_work(s, s->v);
+  const double work = s->work_in_step;
+  s->work_in_step = before;
+  return work;
+}
+
+/* Less work; of that, work_in_step has what pins did in the step without contact. */
+static double find_end_energy(const ms_self_contact *c, ms_stepper *s, double *motion) {
+  return ms_step_energy_sum(s->model, s->x_next, s->v_next, c->parts, motion) - s->work_in_step -
+         (find_pin_work(s) - c->pin_work);
 }
 
 /* The energy, less work, that the step may lead to: that at its start or without contact, with what
- * the method may add by errors of rounding and linearization. In explicit methods contact turns
- * m (g h)^2/2, the energy of the velocity that gravity adds, into height: that is exact only in
- * sum. */
-static double find_most_energy(const ms_self_contact *c, ms_stepper *s) {
+ * the method may add by errors of rounding and linearization. Implicit methods of order 2, which do
+ * not damp vibrations of stiff springs, would let contact excite more and more of these. In
+ * explicit methods contact turns m (g h)^2/2, the energy of the velocity that gravity adds, into
+ * height: that is exact only in sum. */
+static double find_most_energy(ms_self_contact *c, ms_stepper *s) {
   const double SMALL = 1e-5; /* of kinetic and elastic energy */
   const ms_model *model = s->model;
   const double added = s->solver ? 0 : s->h * ms_external_acceleration(&model->external);
@@ -365,16 +380,33 @@ static double find_most_energy(const ms_self_contact *c, ms_stepper *s) {
   if (model->pins)
     ms_moving_pins_set(model, (ms_instant){.t = s->t + s->h, .before = 1}, s->x_next, NULL);
   for (int32_t r = 0; r < model->unknowns.nfree; r++) mass += model->mass[r];
-  const double most = fmax(ms_step_energy_sum(model, s->x, s->v, c->parts, &motion[0]),
-                           find_end_energy(c, s, &motion[1]));
+  double most = ms_step_energy_sum(model, s->x, s->v, c->parts, &motion[0]);
+  c->pin_work = find_pin_work(s);
+  const double end = find_end_energy(c, s, &motion[1]);
+  if (!c->is_bounded) most = fmax(most, end);
   return most + SMALL * fmax(motion[0], motion[1]) + 0.5 * mass * added * added;
 }
 
-static void halve_step(ms_stepper *s) {
+/* Join the bodies of pairs that were pushed, and those that obstacles hold. */
+static void join_bodies(ms_self_contact *c) {
+  ms_contact_bodies_separate(&c->bodies);
+  for (int32_t k = 0; k < c->pairs.surface.nnodes && c->projection.d; k++)
+    if (c->projection.held[k].is_active)
+      ms_contact_bodies_join(&c->bodies, c->pairs.surface.row[k], -1);
+  for (const ms_surface_pair *p = c->pairs.pair; p < c->pairs.pair + c->pairs.n; p++)
+    for (int k = 1; k < 4 && p->is_pushed; k++)
+      ms_contact_bodies_join(&c->bodies, c->pairs.surface.row[p->node[0]],
+                             c->pairs.surface.row[p->node[k]]);
+}
+
+/* Bodies that touch tend to a translation that keeps their momentum, or, if something holds them,
+ * to no motion. */
+static void halve_step(ms_self_contact *c, ms_stepper *s) {
   const ms_shape shape = s->model->shape;
-  ms_vector_scale(shape, 0.5, s->v_next);
-  ms_vector_scale(shape, 0.5, s->x_next);
-  ms_vector_add_scaled(shape, s->x_next, 0.5, s->x, s->x_next);
+  ms_contact_bodies_halve(&c->bodies, s->model, s->v_next);
+  ms_vector_axpy(shape, -1, s->x, s->x_next);
+  ms_contact_bodies_halve(&c->bodies, s->model, s->x_next);
+  ms_vector_axpy(shape, 1, s->x, s->x_next);
 }
 
 static void copy_step(ms_shape shape, const double *x, const double *v, double *x_to,
@@ -389,8 +421,9 @@ static msim_status finish_step(ms_self_contact *c, ms_stepper *s, double most, m
   enum { MOST = 24 };
   const ms_shape shape = s->model->shape;
   double best = INFINITY, work = 0, unused;
+  join_bodies(c);
   for (int n = 0; n <= MOST; n++) {
-    if (n > 0) halve_step(s), reflect(c, s);
+    if (n > 0) halve_step(c, s), reflect(c, s);
     const msim_status status = stop_all_colliding(c, s, err);
     if (status) return status;
     scatter_end(c, s);
@@ -411,6 +444,7 @@ static int64_t push_apart_within(ms_self_contact *c, ms_stepper *s, double most)
   const ms_shape shape = s->model->shape;
   const double work = s->work_in_step;
   double unused;
+  if (c->projection.d) ms_contact_projection_start(&c->projection, s->model, &c->pairs);
   start_pairs(c, 0.25 * s->h * s->h * ms_external_acceleration(&s->model->external));
   copy_step(shape, s->x_next, s->v_next, c->best[0], c->best[1]);
   const int64_t pushed = push_apart(c, s);
@@ -436,7 +470,9 @@ static msim_status correct_end(ms_self_contact *c, ms_stepper *s, msim_error *er
   if (pushed == 0) return MSIM_OK;
   s->stats->contacts += pushed;
   s->cached_stage_next = 0;
-  return finish_step(c, s, most, err);
+  status = finish_step(c, s, most, err);
+  s->work_in_step += find_pin_work(s) - c->pin_work;
+  return status;
 }
 
 msim_status ms_self_contact_correct(ms_self_contact *contact, ms_stepper *s, msim_error *err) {

@@ -8,12 +8,14 @@
  *      sum_c w_c n.x1_c is the thickness, or the distance at x0 if that is less: by impulses
  *      J w_c n, whose sum is 0, and Coulomb's friction, at most mu J, against the tangential motion
  *      (Bridson, Fedkiw and Anderson, ACM Trans. Graph. 21 (2002) 594). Impulses without
- *      restitution act on v where it points inwards, and reduce the kinetic energy.
- *   2. What still collides after a fixed number of sweeps stays at x0, at rest, and so do those
+ *      restitution act on v where it points inwards, and reduce the kinetic energy. In implicit
+ *      methods the springs take part (contact_projection.h), as sweeps would stretch stiff ones.
+ *   2. What still collides after a fixed number of rounds stays at x0, at rest, and so do those
  *      that collide with it then, until none does. As x0 is free of collisions this ends, and by
  *      induction no step passes through a surface.
- *   3. If the energy has grown by the correction, the way and the velocity of all particles are
- *      halved until it has not, again without collisions: the step tends to no motion.
+ *   3. If the energy has grown by the correction, the ways and the velocities of bodies that touch
+ *      are halved until it has not, again without collisions: around those of their centre of mass
+ *      (contact_bodies.h), or, where pins or obstacles hold them, around no motion.
  * Particles are reflected at obstacles in between; those that stay are where they were before. */
 #ifndef MS_SELF_CONTACT_H
 #define MS_SELF_CONTACT_H
@@ -24,9 +26,9 @@ typedef struct ms_self_contact ms_self_contact;
 
 /* For a model of the whole scene, whose self-contact has a thickness. On failure the caller
  * destroys what is there. */
-msim_status ms_self_contact_create(const ms_model *model, ms_self_contact **contact,
-                                   msim_error *err);
-void ms_self_contact_destroy(const ms_scene *scene, ms_self_contact *contact);
+msim_status ms_self_contact_create(const ms_integrator *method, const ms_model *model,
+                                   ms_self_contact **contact, msim_error *err);
+void ms_self_contact_destroy(const ms_model *model, ms_self_contact *contact);
 
 /* MSIM_ERR_ARG if surfaces touch or intersect at x (3 nparticles). */
 msim_status ms_self_contact_check(ms_self_contact *contact, int32_t nparticles, const double *x,

@@ -8,6 +8,7 @@
 #ifndef MS_SURFACE_PAIRS_H
 #define MS_SURFACE_PAIRS_H
 
+#include "base/vec3.h"
 #include "contact/proximity.h"
 #include "contact/surface_tree.h"
 
@@ -22,7 +23,11 @@ typedef struct ms_surface_pair {
   double stop;      /* m: a gap at the end of the step above which they do not */
   double apart[3];  /* the normal at x0 */
   double target;    /* m: the distance along the normal at the end of the step */
+  double unit;      /* m: a small part of it does not matter */
   double normal[3], weight[4];
+  /* beta, lambda, tau and slopes of contact_projection.h */
+  double stiffness, reaction, friction[3];
+  double push_slope, friction_slope;
 } ms_surface_pair;
 
 typedef struct ms_surface_pairs {
@@ -61,6 +66,21 @@ static inline void ms_surface_pair_get(const ms_surface_pair *p, const double *x
                                        double corner[4][3]) {
   for (int c = 0; c < 4; c++)
     for (int i = 0; i < 3; i++) corner[c][i] = x[3 * (size_t)p->node[c] + (size_t)i];
+}
+
+/* sum += by sum_c w_c y_c. y: 3 nnodes */
+static inline void ms_surface_pair_combine(const ms_surface_pair *p, double by, const double *y,
+                                           double sum[3]) {
+  for (int k = 0; k < 4; k++) ms_vec3_axpy(by * p->weight[k], y + 3 * (size_t)p->node[k], sum);
+}
+
+/* 1: a corner that is free has a weight that is not small: else moving it has hardly any effect on
+ * the distance. */
+static inline int ms_surface_pair_is_mobile(const ms_contact_surface *s, const ms_surface_pair *p) {
+  const double SMALL = 1e-3;
+  for (int k = 0; k < 4; k++)
+    if (s->row[p->node[k]] >= 0 && fabs(p->weight[k]) > SMALL) return 1;
+  return 0;
 }
 
 /* MSIM_ERR_ARG if elements touch or intersect at x; names them. */

@@ -41,7 +41,7 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
   }
   if (status) return status;
   if (ms_scene_has_self_contact(sim->scene))
-    status = ms_self_contact_create(&m->model, &m->self_contact, err);
+    status = ms_self_contact_create(sim->config.integrator, &m->model, &m->self_contact, err);
   if (status) return status;
   return events ? ms_contact_set_create(&m->model, &s->events, err) : MSIM_OK;
 }
@@ -137,12 +137,14 @@ static msim_status create_island_stepper(msim_sim *sim, ms_island_sim *m, msim_e
   return ms_sim_create_solver(sim, m, sim->run.h, &s->solver, err);
 }
 
-/* Constraints act on blocks: the matrix must not become scalar, identical for each component. The
- * derivatives of a force function are not kept: a lagged factor could not be computed again. */
+/* Constraints and contact act on blocks: the matrix must not become scalar, identical for each
+ * component. The derivatives of a force function are not kept: a lagged factor could not be
+ * computed again. */
 static void require_block_matrix(msim_sim *sim) {
   if (ms_scene_has_function(sim->scene)) sim->config.opt.skip_off |= MSIM_SKIP_KEPT_FACTOR;
-  if (ms_scene_constrains(sim->scene, sim->config.opt.collision) &&
-      sim->config.integrator->entry.implicit)
+  const int acts = ms_scene_constrains(sim->scene, sim->config.opt.collision) ||
+                   ms_scene_has_self_contact(sim->scene);
+  if (acts && sim->config.integrator->entry.implicit)
     sim->config.opt.skip_off |= MSIM_SKIP_ZERO_REST_LENGTH;
 }
 
@@ -167,7 +169,7 @@ static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, 
     ms_multirate_destroy(&motion[i].model, s->split);
     ms_contact_set_destroy(&motion[i].model, s->events);
     ms_contact_log_destroy(&motion[i].model, s->contact_log);
-    ms_self_contact_destroy(motion[i].model.scene, motion[i].self_contact);
+    ms_self_contact_destroy(&motion[i].model, motion[i].self_contact);
     ms_energy_monitor_destroy(&motion[i].model, &motion[i].last_good);
     ms_norm_destroy(&motion[i].model, &motion[i].norm);
     ms_error_growth_destroy(&motion[i].model, &motion[i].disturbance);
