@@ -255,6 +255,8 @@ static void check_rows(const msim_scene *scene, int pins) {
   const uint64_t text_hash = file.text_hash;
   assert_int_equal(file.committed, FRAMES);
   assert_int_equal(file.calls[PIECES], 0);
+  const float *let_go = reaction + 3 * (size_t)(3 * file.n + 61), *held = let_go - 3 * file.n;
+  if (pins) assert_true(held[2] != 0 && let_go[0] == 0 && let_go[1] == 0 && let_go[2] == 0);
   for (int32_t ranks = 2; ranks <= MOST_RANKS; ranks++) {
     set_failure(-1, -1);
     record(scene, ranks,

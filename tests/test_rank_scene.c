@@ -4,6 +4,7 @@
 #include "counting_allocator.h"
 #include "rank_runs.h"
 #include "failing_comm.h"
+#include "physics/reference.h"
 #include "scene/scene.h"
 #include "sim/rank_scene.h"
 
@@ -71,6 +72,25 @@ static int are_same_scenes(const ms_scene *a, const ms_scene *b) {
          is_same(a->planes, b->planes, a->nplanes, sizeof *a->planes) && a->nrun == b->nrun;
 }
 
+/* Rank 0 has the text that the scene was read from. */
+static int has_text(const msim_comm *comm, const ms_scene *s, const ms_scene *from) {
+  if (comm->rank > 0 || !from->source) return !s->source;
+  return s->source && strcmp(s->source, from->source) == 0;
+}
+
+/* Rank 0 borrows the whole scene. */
+static const char *check_borrowed(const msim_comm *comm, const msim_sim *sim,
+                                  const ms_scene *whole) {
+  msim_error why = {0};
+  ms_scene *borrowed;
+  EXPECT(ms_rank_scene_borrow(sim, &borrowed, &why) == MSIM_OK);
+  EXPECT(has_text(comm, borrowed, whole) && borrowed->nsprings == whole->nsprings);
+  EXPECT(comm->rank > 0 || are_same_scenes(borrowed, whole));
+  EXPECT(comm->rank == 0 || (!borrowed->x && !borrowed->ij && !borrowed->faces));
+  ms_rank_scene_return(sim, borrowed);
+  return NULL;
+}
+
 /* What a model of the whole scene has in a part: the same particles and springs */
 static const char *check_part(const msim_comm *comm, const msim_sim *sim, const ms_scene *whole) {
   const msim_error why = {0};
@@ -101,9 +121,11 @@ static const char *gather_scene(msim_comm *comm, void *data) {
   EXPECT(msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
   for (int round = 0; round < 3; round++) { /* without and with a section for output */
     const char *wrong = check_part(comm, sim, scene->data);
+    if (!wrong) wrong = check_borrowed(comm, sim, scene->data);
     if (wrong) return wrong;
     EXPECT(ms_rank_scene_gather(sim, &why) == MSIM_OK && !sim->kept);
     EXPECT(are_same_scenes(sim->scene, scene->data) && sim->scene != scene->data);
+    EXPECT(has_text(comm, sim->scene, scene->data));
     EXPECT(ms_rank_scene_gather(sim, &why) == MSIM_OK);
     EXPECT(ms_rank_scene_divide(sim, &why) == MSIM_OK && sim->kept);
     EXPECT(ms_rank_scene_divide(sim, &why) == MSIM_OK);
@@ -120,10 +142,38 @@ static void scenes_are_gathered_as_they_were(void **state) {
   for (unsigned seed = 1; seed <= 100; seed++) {
     msim_scene *scene = draw_scene(NULL, seed);
     assert_non_null(scene);
+    if (seed % 2) scene->data->source = ms_memory_copy_string(&scene->data->alloc, "the text");
     const char *wrong = run_ranks(2 + (int32_t)(seed % 4), gather_scene, scene);
     if (wrong) fail_msg("seed %u: %s", seed, wrong);
     msim_scene_destroy(scene);
   }
+}
+
+/* Forces on all particles, from parts */
+static const char *compute_force(msim_comm *comm, void *data) {
+  const msim_scene *scene = data;
+  const int64_t n = scene->data->nparticles;
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_error why = {0};
+  msim_sim *sim;
+  double *force = malloc(3 * (size_t)n * sizeof *force),
+         *expected = malloc(3 * (size_t)n * sizeof *expected);
+  opt.comm = comm;
+  EXPECT(force && expected && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
+  msim_sim_force(sim, scene->data->x, scene->data->v, force);
+  ms_reference_compute_force(scene->data, scene->data->x, scene->data->v, expected);
+  EXPECT(is_same(force, expected, 3 * n, sizeof *force));
+  free(force), free(expected);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+static void forces_are_those_of_the_whole_scene(void **state) {
+  (void)state;
+  msim_scene *scene = draw_scene(NULL, 7);
+  const char *wrong = run_ranks(3, compute_force, scene);
+  if (wrong) fail_msg("%s", wrong);
+  msim_scene_destroy(scene);
 }
 
 /*------------------------------------- runs of parts --------------------------------------------*/
@@ -310,6 +360,7 @@ static void failures_of_one_rank_are_those_of_all(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(scenes_are_gathered_as_they_were),
+      cmocka_unit_test(forces_are_those_of_the_whole_scene),
       cmocka_unit_test(parts_have_checkpoints_and_energies_of_one_process),
       cmocka_unit_test(errors_have_numbers_of_the_whole_scene),
       cmocka_unit_test(failures_of_one_rank_are_those_of_all),

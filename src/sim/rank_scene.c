@@ -8,12 +8,12 @@
 
 /*------------------------------------- division -------------------------------------------------*/
 
-/* Laws, angular springs, motions, force functions and contact sets refer to the whole scene, and
- * arrays of the whole state take more than it. The same on all ranks. */
+/* Laws, angular springs, colliders that move, force functions and contact sets refer to the whole
+ * scene. Arrays of the whole state, as with motions of pins and after a change of the scene, take
+ * about as much. The same on all ranks. */
 static int may_divide(const msim_sim *sim) {
   const ms_scene *s = sim->scene;
-  return sim->part && !sim->kept && !sim->state_x && !sim->created_from && !sim->edited_from &&
-         !sim->chosen_for && s->nlaws == 0 && s->angles.n == 0 && s->nmotions == 0 &&
+  return sim->part && !sim->kept && !sim->state_x && s->nlaws == 0 && s->angles.n == 0 &&
          !ms_collider_motion_is_there(s) && !ms_scene_has_function(s) &&
          !sim->islands->stepper.events;
 }
