@@ -215,7 +215,9 @@ static double *random_array(int32_t n, unsigned seed) {
 
 /*------------------------------------- tests ----------------------------------------------------*/
 
-/* The result is that of the formula with dense matrices, up to single precision. */
+/* The result is that of the formula with dense matrices. Rounding to 16 bits adds 2^-16 to each of
+ * some 80 numbers of a row, and the energy norm is up to about 8 times smaller than that of the
+ * numbers in units of D: 8 sqrt(80) 2^-16 = 1e-3. */
 static void cycle_is_that_of_the_formula(void **state) {
   (void)state;
   for (int kind = 0; kind < SCENES; kind++) {
@@ -229,7 +231,7 @@ static void cycle_is_that_of_the_formula(void **state) {
       ms_coarse_cycle_solve(&coarse->cycle, NULL, r, z);
       const double size = energy(&m, want);
       for (int32_t i = 0; i < m.n; i++) z[i] -= want[i];
-      assert_true(energy(&m, z) <= 1e-10 * size); /* the square of an error */
+      assert_true(sqrt(energy(&m, z) / size) <= 1e-3);
       free(r);
     }
     free(z), free(want), free(m.a);
@@ -327,7 +329,7 @@ static void large_systems_get_a_cycle(void **state) {
   const double k = 1e-3;
   for (int kind = 0; kind < 3; kind++) {
     msim_options opt = two_level_options();
-    msim_scene *scene = hanging_cloth(kind == 0 ? 100 : 112, 1e5, 0);
+    msim_scene *scene = hanging_cloth(kind == 0 ? 240 : 250, 1000, 0);
     if (kind == 2)
       assert_ok(msim_scene_add_angles(scene, 1, (int32_t[3]){5, 6, 7}, &k, NULL, NULL, err));
     msim_sim *sim = make_sim(scene, &opt);
@@ -346,17 +348,17 @@ static void bits_are_the_same(void **state) {
   size_t length = 0;
   for (int i = 0; i < 3; i++) {
     msim_options opt = two_level_options();
-    msim_scene *scene = hanging_cloth(115, 1000, 0.01);
+    msim_scene *scene = hanging_cloth(250, 1000, 0.01);
     opt.threads = threads[i];
     msim_sim *sim = make_sim(scene, &opt), *resumed = NULL;
     assert_true(pcg_of(sim)->coarse.cycle.n > 0);
-    assert_ok(msim_sim_step(sim, 3, err));
+    assert_ok(msim_sim_step(sim, 1, err));
     if (i == 2) {
       assert_ok(msim_sim_clone(sim, &resumed, err));
       msim_sim_destroy(sim);
       sim = resumed;
     }
-    assert_ok(msim_sim_step(sim, 3, err));
+    assert_ok(msim_sim_step(sim, 2, err));
     msim_state s = {.size = sizeof s};
     msim_sim_state(sim, &s);
     length = 3 * (size_t)s.n * sizeof *s.x;

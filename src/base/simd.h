@@ -135,30 +135,44 @@ static inline ms_quad ms_simd_load_float_quad(const float *from) {
 #endif
 }
 
-/* 4 floats that stay floats, and a b + c of them, rounded as by ms_simd_fma */
-static inline ms_float_quad ms_simd_load_narrow_quad(const float *from) {
-  ms_float_quad v;
-  memcpy(&v, from, sizeof v);
-  return v;
+static inline void ms_simd_store_float_quad(float *to, ms_quad v) {
+  const ms_float_quad narrow = __builtin_convertvector(v, ms_float_quad);
+  memcpy(to, &narrow, sizeof narrow);
 }
 
-static inline ms_float_quad ms_simd_fma_narrow_quad(ms_float_quad a, ms_float_quad b,
-                                                    ms_float_quad c) {
+/* 8 floats with every instruction set, from integers */
+typedef float ms_float_octet __attribute__((vector_size(32)));
+
+static inline ms_float_octet ms_simd_load_integer_octet(const int16_t *from) {
+#ifdef __AVX2__
+  return (ms_float_octet)_mm256_cvtepi32_ps(
+      _mm256_cvtepi16_epi32(_mm_loadu_si128((const __m128i *)(const void *)from)));
+#else
+  return (ms_float_octet){from[0], from[1], from[2], from[3], from[4], from[5], from[6], from[7]};
+#endif
+}
+
+/* x[0] ... x[3] twice */
+static inline ms_float_octet ms_simd_repeat_quad(const float *x) {
+  return (ms_float_octet){x[0], x[1], x[2], x[3], x[0], x[1], x[2], x[3]};
+}
+
+/* x[0] and x[1], each 4 times */
+static inline ms_float_octet ms_simd_spread_pair(const float *x) {
+  return (ms_float_octet){x[0], x[0], x[0], x[0], x[1], x[1], x[1], x[1]};
+}
+
+/* a b + c, rounded as by ms_simd_fma */
+static inline ms_float_octet ms_simd_fma_octet(ms_float_octet a, ms_float_octet b,
+                                               ms_float_octet c) {
 #ifdef __FMA__
-  return (ms_float_quad)_mm_fmadd_ps((__m128)a, (__m128)b, (__m128)c);
+  return (ms_float_octet)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c);
 #else
   return a * b + c;
 #endif
 }
 
-static inline ms_quad ms_simd_widen_quad(ms_float_quad v) {
-  return __builtin_convertvector(v, ms_quad);
-}
-
-static inline void ms_simd_store_float_quad(float *to, ms_quad v) {
-  const ms_float_quad narrow = __builtin_convertvector(v, ms_float_quad);
-  memcpy(to, &narrow, sizeof narrow);
-}
+static inline void ms_simd_store_octet(float *to, ms_float_octet v) { memcpy(to, &v, sizeof v); }
 
 /* Lanes i, j, k, l of the lanes of a (0 to 3) and b (4 to 7). */
 #if defined(__clang__) || __GNUC__ >= 12

@@ -6,7 +6,7 @@
 
 /* The 4 lowest eigenvectors of P^T K P of each cluster, K the Laplacian of the springs between its
  * unknowns: modes, 16 of each aggregate, 4 at each of its modes, by columns; orthonormal in a
- * cluster. of: the cluster of each aggregate, -1: none */
+ * cluster. of: the cluster of each aggregate */
 msim_status ms_cluster_modes_compute(const ms_model *model, const ms_aggregates *aggregates,
                                      const int32_t *of, int32_t n, const ms_buckets *members,
                                      float *modes, msim_error *err);

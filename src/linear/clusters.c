@@ -63,7 +63,8 @@ static void grow(growth *g, int32_t cluster, int32_t seed) {
 static int32_t grow_clusters(growth *g, int32_t n) {
   int32_t clusters = 0;
   for (int32_t r = 0; r < n; r++) {
-    if (g->of[r] >= 0 || g->graph->of.first[r] == g->graph->of.first[r + 1]) continue;
+    const int is_alone = g->graph->of.first[r] == g->graph->of.first[r + 1];
+    if (g->of[r] >= 0 || (is_alone && g->size.least > 1)) continue;
     grow(g, clusters++, r);
     for (; g->next_seed < g->nseeds; g->next_seed++)
       if (g->of[g->seeds[g->next_seed]] < 0) grow(g, clusters++, g->seeds[g->next_seed]);

@@ -48,8 +48,7 @@ static inline int32_t ms_coarse_find(const ms_coarse *coarse, int32_t i, int32_t
 
 /* The length of `value`, which is used by ms_coarse_factor() alone */
 static inline size_t ms_coarse_value_size(const ms_coarse *coarse) {
-  return coarse->cycle.n ? ms_coarse_cycle_size(&coarse->cycle)
-                         : ms_block_cholesky_size(&coarse->chol);
+  return coarse->cycle.n ? coarse->cycle.value_size : ms_block_cholesky_size(&coarse->chol);
 }
 
 msim_status ms_coarse_create(const ms_model *model, ms_coarse_size size, ms_coarse *coarse,

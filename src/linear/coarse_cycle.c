@@ -1,5 +1,6 @@
 #include "linear/coarse_cycle.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "linear/block_kernels.h"
@@ -11,111 +12,127 @@ MS_TABLES(ms_coarse_cycle_kernels);
 
 /*------------------------------------- pattern --------------------------------------------------*/
 
+/* Each pair of aggregates once. Returns 0 if memory is exhausted. */
+static int create_incidence(const msim_allocator *alloc, const ms_sparse_graph *graph,
+                            ms_incidence *incidence) {
+  ms_springs links = {0};
+  int fits = MS_NEW(alloc, links.i, graph->ptr[graph->n] / 2) &&
+             MS_NEW(alloc, links.j, graph->ptr[graph->n] / 2);
+  for (int32_t k = 0; k < graph->n && fits; k++)
+    for (int32_t at = graph->ptr[k]; at < graph->ptr[k + 1]; at++)
+      if (graph->ind[at] < k) links.i[links.n] = k, links.j[links.n++] = graph->ind[at];
+  fits = fits && ms_incidence_create(alloc, &links, graph->n, incidence);
+  MS_FREE(alloc, links.i, links.j);
+  return fits;
+}
+
+/* Returns how many clusters; -1 if memory is exhausted. */
+static int32_t group_aggregates(const msim_allocator *alloc, const ms_sparse_graph *graph,
+                                int32_t size, ms_coarse_cycle *s) {
+  const ms_cluster_size aggregates = {.complete = size, .least = 1};
+  ms_incidence incidence = {0};
+  int32_t clusters = -1;
+  if (MS_NEW(alloc, s->cluster, s->n) && MS_NEW(alloc, s->position, s->n) &&
+      create_incidence(alloc, graph, &incidence))
+    clusters = ms_clusters_grow(alloc, &incidence, s->n, aggregates, s->cluster, &s->members);
+  ms_incidence_destroy(alloc, &incidence);
+  for (int32_t p = 0; p < s->n && clusters >= 0; p++) s->position[s->members.item[p]] = p;
+  return clusters;
+}
+
 /* The links of each row ascend, as columns are gone through in their order. */
 static int list_links(const msim_allocator *alloc, const ms_sparse_graph *graph,
                       ms_coarse_cycle *s) {
-  const int32_t n = graph->n, links = graph->ptr[n] / 2;
+  const int32_t n = graph->n, links = graph->ptr[n] / 2, *item = s->members.item;
   int32_t *next = NULL;
-  int fits = MS_NEW(alloc, s->first, (size_t)n + 1) && MS_NEW(alloc, s->position, n) &&
-             MS_NEW(alloc, s->row, links) && MS_NEW(alloc, s->column, links) &&
-             MS_NEW(alloc, next, n);
-  for (int32_t k = 0; k < n && fits; k++) {
-    s->position[k] = k;
-    next[k] = s->first[k + 1] = s->first[k];
-    for (int32_t at = graph->ptr[k]; at < graph->ptr[k + 1]; at++)
-      s->first[k + 1] += graph->ind[at] < k;
+  int fits = MS_NEW(alloc, s->first, (size_t)n + 1) && MS_NEW(alloc, s->row, links) &&
+             MS_NEW(alloc, s->column, links) && MS_NEW(alloc, next, n);
+  for (int32_t p = 0; p < n && fits; p++) {
+    next[p] = s->first[p + 1] = s->first[p];
+    for (int32_t at = graph->ptr[item[p]]; at < graph->ptr[item[p] + 1]; at++)
+      s->first[p + 1] += s->position[graph->ind[at]] < p;
   }
   for (int32_t column = 0; column < n && fits; column++)
-    for (int32_t at = graph->ptr[column]; at < graph->ptr[column + 1]; at++)
-      if (graph->ind[at] > column) {
-        const int32_t e = next[graph->ind[at]]++;
-        s->row[e] = graph->ind[at], s->column[e] = column;
-      }
+    for (int32_t at = graph->ptr[item[column]]; at < graph->ptr[item[column] + 1]; at++) {
+      const int32_t row = s->position[graph->ind[at]];
+      if (row > column) s->row[next[row]] = row, s->column[next[row]++] = column;
+    }
   ms_memory_free(alloc, next);
   return fits && ms_buckets_create(alloc, links, s->column, n, &s->above);
 }
 
 int32_t ms_coarse_cycle_find(const ms_coarse_cycle *s, int32_t i, int32_t j) {
-  if (i == j) return i;
-  for (int32_t e = s->first[i]; e < s->first[i + 1]; e++)
-    if (s->column[e] == j) return s->n + e;
+  const int32_t row = s->position[i], column = s->position[j];
+  if (row == column) return row;
+  for (int32_t e = s->first[row]; e < s->first[row + 1]; e++)
+    if (s->column[e] == column) return s->n + e;
   return -1;
 }
 
-static int group_aggregates(const msim_allocator *alloc, int32_t size, ms_coarse_cycle *s,
-                            int32_t *clusters) {
-  const ms_springs links = {.n = s->first[s->n], .i = s->row, .j = s->column};
-  const ms_cluster_size aggregates = {.complete = size, .least = 1};
-  ms_incidence graph = {0};
-  int fits = MS_NEW(alloc, s->cluster, s->n) && ms_incidence_create(alloc, &links, s->n, &graph);
-  if (fits) *clusters = ms_clusters_grow(alloc, &graph, s->n, aggregates, s->cluster, &s->members);
-  ms_incidence_destroy(alloc, &graph);
-  return fits && *clusters >= 0;
-}
-
-/* The clusters linked with each one, of both triangles; ind NULL: ptr only. mark: scratch, n */
-static void list_cluster_graph(const ms_coarse_cycle *s, int32_t *mark, ms_sparse_graph *graph) {
-  for (int32_t c = 0; c < graph->n; c++) mark[c] = -1;
-  for (int32_t c = 0; c < graph->n; c++) {
-    graph->ptr[c + 1] = graph->ptr[c];
+/* The clusters linked with each one, of both triangles; links->ind NULL: ptr only. mark: scratch */
+static void list_cluster_graph(const ms_coarse_cycle *s, const ms_sparse_graph *graph,
+                               int32_t *mark, ms_sparse_graph *links) {
+  for (int32_t c = 0; c < links->n; c++) mark[c] = -1;
+  for (int32_t c = 0; c < links->n; c++) {
+    links->ptr[c + 1] = links->ptr[c];
     mark[c] = c;
-    for (int32_t i = s->members.first[c]; i < s->members.first[c + 1]; i++) {
-      const int32_t k = s->members.item[i], below = s->first[k + 1] - s->first[k];
-      const int32_t all = below + s->above.first[k + 1] - s->above.first[k];
-      for (int32_t e = 0; e < all; e++) {
-        const int32_t other =
-            s->cluster[e < below ? s->column[s->first[k] + e]
-                                 : s->row[s->above.item[s->above.first[k] + e - below]]];
-        if (other < 0 || mark[other] == c) continue;
+    for (int32_t p = s->members.first[c]; p < s->members.first[c + 1]; p++) {
+      const int32_t k = s->members.item[p];
+      for (int32_t at = graph->ptr[k]; at < graph->ptr[k + 1]; at++) {
+        const int32_t other = s->cluster[graph->ind[at]];
+        if (mark[other] == c) continue;
         mark[other] = c;
-        if (graph->ind) graph->ind[graph->ptr[c + 1]] = other;
-        graph->ptr[c + 1]++;
+        if (links->ind) links->ind[links->ptr[c + 1]] = other;
+        links->ptr[c + 1]++;
       }
     }
   }
 }
 
-static msim_status analyse_clusters(const ms_model *model, int32_t clusters, ms_coarse_cycle *s,
-                                    msim_error *err) {
+static msim_status analyse_clusters(const ms_model *model, const ms_sparse_graph *graph,
+                                    int32_t clusters, ms_coarse_cycle *s, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  ms_sparse_graph graph = {.n = clusters};
+  ms_sparse_graph links = {.n = clusters};
   int32_t *mark = NULL;
-  int fits = MS_NEW(alloc, graph.ptr, (size_t)clusters + 1) && MS_NEW(alloc, mark, clusters);
-  if (fits) list_cluster_graph(s, mark, &graph);
-  fits = fits && MS_NEW(alloc, graph.ind, graph.ptr[clusters]);
-  if (fits) list_cluster_graph(s, mark, &graph);
+  int fits = MS_NEW(alloc, links.ptr, (size_t)clusters + 1) && MS_NEW(alloc, mark, clusters);
+  if (fits) list_cluster_graph(s, graph, mark, &links);
+  fits = fits && MS_NEW(alloc, links.ind, links.ptr[clusters]);
+  if (fits) list_cluster_graph(s, graph, mark, &links);
   const msim_status status =
-      fits ? ms_block_cholesky_create(alloc, &graph, s->block, model->isa, &s->chol, err)
+      fits ? ms_block_cholesky_create(alloc, &links, s->block, model->isa, &s->chol, err)
            : ms_error_set_memory(err, "the coarse matrix");
-  MS_FREE(alloc, graph.ptr, graph.ind, mark);
+  MS_FREE(alloc, links.ptr, links.ind, mark);
   return status;
 }
 
 /*------------------------------------- creation and destruction ---------------------------------*/
 
-static int allocate_values(const msim_allocator *alloc, int32_t clusters, ms_coarse_cycle *s) {
+static int allocate_values(const ms_model *model, int32_t clusters, ms_coarse_cycle *s) {
+  const msim_allocator *alloc = &model->scene->alloc;
   const size_t n = (size_t)s->n, block = (size_t)s->block, area = block * block;
-  return MS_NEW(alloc, s->value, ms_coarse_cycle_size(s)) && MS_NEW(alloc, s->inverse, area * n) &&
-         MS_NEW(alloc, s->link, area * (size_t)s->first[n]) &&
-         MS_NEW(alloc, s->prolongation, area * n) && MS_NEW(alloc, s->r, block * n) &&
-         MS_NEW(alloc, s->z, block * n) && MS_NEW(alloc, s->c, block * (size_t)clusters);
+  const size_t links = (size_t)s->first[n];
+  const size_t vectors = 4 * (size_t)model->unknowns.dims * (size_t)model->unknowns.stride;
+  s->value_size = area * (n + links) > vectors ? area * (n + links) : vectors;
+  return MS_NEW(alloc, s->modes, MS_MODES * MS_MODES * n) &&
+         MS_NEW(alloc, s->value, s->value_size) && MS_NEW(alloc, s->inverse, area * n) &&
+         MS_NEW(alloc, s->link, area * links) && MS_NEW(alloc, s->prolongation, area * n) &&
+         MS_NEW(alloc, s->r, block * n) && MS_NEW(alloc, s->z, block * n) &&
+         MS_NEW(alloc, s->c, block * (size_t)clusters);
 }
 
 msim_status ms_coarse_cycle_create(const ms_model *model, const ms_aggregates *aggregates,
                                    const ms_sparse_graph *graph, int32_t size, ms_coarse_cycle *s,
                                    msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  int32_t clusters = 0;
   *s = (ms_coarse_cycle){.n = graph->n,
                          .block = MS_MODES * model->unknowns.dims,
                          .kernels = ms_coarse_cycle_kernels_of[model->isa]};
-  if (!list_links(alloc, graph, s) || !group_aggregates(alloc, size, s, &clusters) ||
-      !MS_NEW(alloc, s->modes, MS_MODES * MS_MODES * (size_t)s->n) ||
-      !allocate_values(alloc, clusters, s))
+  const int32_t clusters = group_aggregates(alloc, graph, size, s);
+  if (clusters < 0 || !list_links(alloc, graph, s) || !allocate_values(model, clusters, s))
     return ms_error_set_memory(err, "the coarse matrix");
   const msim_status status =
       ms_cluster_modes_compute(model, aggregates, s->cluster, clusters, &s->members, s->modes, err);
-  return status ? status : analyse_clusters(model, clusters, s, err);
+  return status ? status : analyse_clusters(model, graph, clusters, s, err);
 }
 
 void ms_coarse_cycle_destroy(const msim_allocator *alloc, ms_coarse_cycle *s) {
@@ -136,7 +153,7 @@ typedef struct cycle_job {
   double *z;
 } cycle_job;
 
-enum { CHUNK = 16 };
+enum { CHUNK = 16, MOST = MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK };
 
 static void add_products_chunk(void *data, int32_t begin, int32_t end) {
   ms_coarse_cycle *s = ((cycle_job *)data)->s;
@@ -144,12 +161,11 @@ static void add_products_chunk(void *data, int32_t begin, int32_t end) {
 }
 
 /* Replace D_k by L^-1; L^T Q follows from L. Returns 0 if D_k is not positive definite. */
-static int factor_diagonal(ms_coarse_cycle *s, int32_t k) {
+static int factor_diagonal(ms_coarse_cycle *s, int32_t p) {
   const size_t n = (size_t)s->block, area = n * n;
-  double *l = s->value + area * (size_t)k,
-         inverse[MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK];
-  float *to = s->prolongation + area * (size_t)k;
-  const float *modes = s->modes + MS_MODES * MS_MODES * k;
+  double *l = s->value + area * (size_t)p, inverse[MOST];
+  float *to = s->prolongation + area * (size_t)p;
+  const float *modes = s->modes + MS_MODES * MS_MODES * s->members.item[p];
   if (!s->chol.kernels->invert_factor(n, l, inverse)) return 0;
   for (size_t c = 0; c < n; c++)
     for (size_t i = 0; i < n; i++) {
@@ -160,31 +176,36 @@ static int factor_diagonal(ms_coarse_cycle *s, int32_t k) {
       to[c * n + i] = (float)sum;
     }
   memcpy(l, inverse, area * sizeof *l);
-  for (size_t i = 0; i < area; i++) s->inverse[area * (size_t)k + i] = (float)inverse[i];
+  for (size_t i = 0; i < area; i++) s->inverse[area * (size_t)p + i] = (float)inverse[i];
   return 1;
 }
 
 static void factor_diagonal_chunk(void *data, int32_t begin, int32_t end) {
   ms_coarse_cycle *s = ((cycle_job *)data)->s;
-  for (int32_t k = begin; k < end; k++)
-    if (!factor_diagonal(s, k)) s->inverse[s->block * s->block * k] = 0;
+  for (int32_t p = begin; p < end; p++)
+    if (!factor_diagonal(s, p)) s->inverse[(size_t)(s->block * s->block) * (size_t)p] = 0;
 }
 
 static int is_definite(const ms_coarse_cycle *s) {
-  for (int32_t k = 0; k < s->n; k++)
-    if (!(s->inverse[s->block * s->block * k] > 0)) return 0;
+  for (int32_t p = 0; p < s->n; p++)
+    if (!(s->inverse[(size_t)(s->block * s->block) * (size_t)p] > 0)) return 0;
   return 1;
 }
 
 /* N^T = L_column^-1 A^T L_row^-T, as two products with transposes */
 static void scale_link(ms_coarse_cycle *s, int32_t e) {
   const size_t n = (size_t)s->block, area = n * n;
-  double *a = s->value + area * (size_t)(s->n + e),
-         t[MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK];
-  float *to = s->link + area * (size_t)e;
-  s->chol.kernels->times_transpose(n, a, s->value + area * (size_t)s->column[e], to);
+  double *a = s->value + area * (size_t)(s->n + e), t[MOST];
+  float unused[MOST];
+  int16_t *to = s->link + area * (size_t)e;
+  s->chol.kernels->times_transpose(n, a, s->value + area * (size_t)s->column[e], unused);
   for (size_t i = 0; i < area; i++) t[i] = a[i % n * n + i / n];
-  s->chol.kernels->times_transpose(n, t, s->value + area * (size_t)s->row[e], to);
+  s->chol.kernels->times_transpose(n, t, s->value + area * (size_t)s->row[e], unused);
+  for (size_t i = 0; i < area; i++) {
+    const size_t column = i / n, row = i % n;
+    to[(column / 2 * (n / 4) + row / 4) * 8 + column % 2 * 4 + row % 4] =
+        (int16_t)lrint(INT16_MAX * fmax(-1, fmin(1, t[i])));
+  }
 }
 
 static void scale_links_chunk(void *data, int32_t begin, int32_t end) {
@@ -206,7 +227,7 @@ msim_status ms_coarse_cycle_factor(ms_coarse_cycle *s, ms_pool *pool) {
 
 static void scale_chunk(void *data, int32_t begin, int32_t end) {
   const cycle_job *j = data;
-  for (int32_t k = begin; k < end; k++) j->s->kernels->scale(j->s, j->r, k);
+  for (int32_t p = begin; p < end; p++) j->s->kernels->scale(j->s, j->r, p);
 }
 
 static void restrict_chunk(void *data, int32_t begin, int32_t end) {
@@ -216,12 +237,12 @@ static void restrict_chunk(void *data, int32_t begin, int32_t end) {
 
 static void correct_chunk(void *data, int32_t begin, int32_t end) {
   const cycle_job *j = data;
-  for (int32_t k = begin; k < end; k++) j->s->kernels->correct(j->s, k);
+  for (int32_t c = begin; c < end; c++) j->s->kernels->correct_cluster(j->s, c);
 }
 
 static void finish_chunk(void *data, int32_t begin, int32_t end) {
   const cycle_job *j = data;
-  for (int32_t k = begin; k < end; k++) j->s->kernels->finish(j->s, j->z, k);
+  for (int32_t p = begin; p < end; p++) j->s->kernels->finish(j->s, j->z, p);
 }
 
 void ms_coarse_cycle_solve(ms_coarse_cycle *s, ms_pool *pool, const double *r, double *z) {
@@ -229,6 +250,6 @@ void ms_coarse_cycle_solve(ms_coarse_cycle *s, ms_pool *pool, const double *r, d
   ms_pool_run_chunks(pool, scale_chunk, &j, s->n, CHUNK);
   ms_pool_run_chunks(pool, restrict_chunk, &j, s->chol.n, CHUNK / 4);
   ms_block_cholesky_solve(&s->chol, s->c);
-  ms_pool_run_chunks(pool, correct_chunk, &j, s->n, CHUNK);
+  ms_pool_run_chunks(pool, correct_chunk, &j, s->chol.n, CHUNK / 4);
   ms_pool_run_chunks(pool, finish_chunk, &j, s->n, CHUNK);
 }

@@ -10,8 +10,10 @@
  * are left out, and each spring acts on the difference of the motions of two aggregates at most,
  * A <= 2 D (|a - b|^2 <= 2 |a|^2 + 2 |b|^2), so that each w < 1 will do.
  *
- * It computes in the units of D = L L^T, in which A becomes I + N, N = L^-1 (A - D) L^-T. There
- * rounding to single precision is harmless however stiff springs are. */
+ * It computes in the units of D = L L^T, in which A becomes I + N, N = L^-1 (A - D) L^-T, and all
+ * numbers of N are within [-1, 1]. There rounding is harmless however stiff springs are: the map
+ * stays positive definite, whatever N is in it, and 16 bits resolve all but the smoothest motions,
+ * which are those of the clusters, in double precision. */
 #ifndef MS_COARSE_CYCLE_H
 #define MS_COARSE_CYCLE_H
 
@@ -23,18 +25,20 @@
 
 typedef struct ms_coarse_cycle {
   int32_t n, block;    /* aggregates, 0: there is no cycle; scalars of each */
-  int32_t *position;   /* n: i; owners as in block_cholesky.h */
-  int32_t *first;      /* n + 1: the range of each aggregate in `column` */
+  ms_buckets members;  /* the aggregates of each cluster; all arrays have them in this order */
+  int32_t *position;   /* n: the place of each aggregate in it; owners as in block_cholesky.h */
+  int32_t *first;      /* n + 1: the range of each row in `column` */
   int32_t *row;        /* first[n]: links (row, column), column < row, by row, ascending */
   int32_t *column;     /* first[n] */
   ms_buckets above;    /* the links of each column */
   double *value;       /* block^2 (n + first[n]): A, the diagonal blocks first; by columns */
+  size_t value_size;   /* its length, of 4 vectors of the model at least: ms_pcg uses it for them */
   float *inverse;      /* block^2 n: L^-1 */
-  float *link;         /* block^2 first[n]: N^T of each link */
+  int16_t *link;       /* block^2 first[n]: N^T of each link, in units of 1 / INT16_MAX; columns in
+                         pairs, interleaved by 4 rows */
   float *prolongation; /* block^2 n: L^T Q */
-  int32_t *cluster;    /* n: that of each aggregate; -1: none */
-  ms_buckets members;  /* the aggregates of each cluster */
-  float *modes; /* 16 n: those of clusters at each mode of an aggregate, 4 by 4, by columns */
+  int32_t *cluster;    /* n, in the order of the aggregates: that of each */
+  float *modes;        /* 16 n, likewise: Q, cluster_modes.h */
   ms_block_cholesky chol; /* of Q^T A Q */
   float *r, *z;           /* block n: L^-1 r; L^T z */
   double *c;              /* block chol.n: Q^T (r - A z), then the correction by clusters */
@@ -47,12 +51,8 @@ msim_status ms_coarse_cycle_create(const ms_model *model, const ms_aggregates *a
                                    ms_coarse_cycle *cycle, msim_error *err);
 void ms_coarse_cycle_destroy(const msim_allocator *alloc, ms_coarse_cycle *cycle);
 
-/* The length of `value` */
-static inline size_t ms_coarse_cycle_size(const ms_coarse_cycle *cycle) {
-  return (size_t)(cycle->block * cycle->block) * (size_t)(cycle->n + cycle->first[cycle->n]);
-}
-
-/* The index in `value` of block (i, j), i >= j; -1: not in the pattern */
+/* The index in `value` of the block of aggregates i and j, position[i] >= position[j]; -1: not in
+ * the pattern */
 int32_t ms_coarse_cycle_find(const ms_coarse_cycle *cycle, int32_t i, int32_t j);
 
 /* Prepare cycles with A, given in `value`, whose content is lost. MSIM_NOT_SPD: A is not positive

@@ -25,76 +25,95 @@ MS_INLINE ms_quad total(const ms_quad *sums) {
   return ms_simd_quad_sums(sums[0], sums[1], sums[2], sums[3]);
 }
 
-/* y = N x at aggregate k, in single precision: two thirds of the work of a cycle */
-MS_INLINE void multiply_links(size_t n, const ms_coarse_cycle *s, const float *x, int32_t k,
+/* The sums of 4 floats of 4 columns: two octets */
+MS_INLINE ms_quad total_pairs(const ms_float_octet *sums) {
+  float lanes[16];
+  ms_simd_store_octet(lanes, sums[0]);
+  ms_simd_store_octet(lanes + 8, sums[1]);
+  ms_quad wide[4];
+  for (size_t c = 0; c < 4; c++) wide[c] = ms_simd_load_float_quad(lanes + 4 * c);
+  return total(wide);
+}
+
+/* y = N x at place p, in single precision: two thirds of the work of a cycle. Columns are in pairs
+ * (coarse_cycle.h), and independent sums keep the processor busy. */
+MS_INLINE void multiply_links(size_t n, const ms_coarse_cycle *s, const float *x, int32_t p,
                               ms_quad y[QUADS]) {
-  ms_float_quad sums[BLOCK], own[QUADS] = {{0}};
-  for (size_t c = 0; c < n; c++) sums[c] = (ms_float_quad){0};
-  for (int32_t e = s->first[k]; e < s->first[k + 1]; e++) {
-    const float *a = s->link + n * n * (size_t)e, *from = x + n * (size_t)s->column[e];
-    for (size_t c = 0; c < n; c++)
-      for (size_t q = 0; q < n; q += 4)
-        sums[c] = ms_simd_fma_narrow_quad(ms_simd_load_narrow_quad(a + c * n + q),
-                                          ms_simd_load_narrow_quad(from + q), sums[c]);
+  ms_float_octet sums[BLOCK / 2], parts[2][QUADS] = {{{0}}};
+  for (size_t pair = 0; pair < n / 2; pair++) sums[pair] = (ms_float_octet){0};
+  for (int32_t e = s->first[p]; e < s->first[p + 1]; e++) {
+    const int16_t *a = s->link + n * n * (size_t)e;
+    const float *from = x + n * (size_t)s->column[e];
+    ms_float_octet repeated[QUADS];
+    for (size_t q = 0; q < n / 4; q++) repeated[q] = ms_simd_repeat_quad(from + 4 * q);
+    for (size_t pair = 0; pair < n / 2; pair++)
+      for (size_t q = 0; q < n / 4; q++, a += 8)
+        sums[pair] = ms_simd_fma_octet(ms_simd_load_integer_octet(a), repeated[q], sums[pair]);
   }
-  for (int32_t i = s->above.first[k]; i < s->above.first[k + 1]; i++) {
-    const size_t e = (size_t)s->above.item[i];
-    const float *a = s->link + n * n * e, *from = x + n * (size_t)s->row[e];
-    for (size_t c = 0; c < n; c++)
-      for (size_t q = 0; q < n / 4; q++)
-        own[q] = ms_simd_fma_narrow_quad(ms_simd_load_narrow_quad(a + c * n + 4 * q),
-                                         (ms_float_quad){0} + from[c], own[q]);
+  for (int32_t i = s->above.first[p]; i < s->above.first[p + 1]; i++) {
+    const int32_t e = s->above.item[i];
+    const int16_t *a = s->link + n * n * (size_t)e;
+    const float *from = x + n * (size_t)s->row[e];
+    for (size_t two = 0; two < n / 4; two++)
+      for (size_t k = 0; k < 2; k++) {
+        const ms_float_octet spread = ms_simd_spread_pair(from + 4 * two + 2 * k);
+        for (size_t q = 0; q < n / 4; q++, a += 8)
+          parts[k][q] = ms_simd_fma_octet(ms_simd_load_integer_octet(a), spread, parts[k][q]);
+      }
   }
   for (size_t q = 0; q < n / 4; q++) {
-    ms_quad wide[4];
-    for (size_t c = 0; c < 4; c++) wide[c] = ms_simd_widen_quad(sums[4 * q + c]);
-    y[q] = ms_simd_widen_quad(own[q]) + total(wide);
+    float lanes[8];
+    ms_simd_store_octet(lanes, parts[0][q] + parts[1][q]);
+    const ms_quad part = ms_simd_load_float_quad(lanes) + ms_simd_load_float_quad(lanes + 4);
+    y[q] = (part + total_pairs(sums + 2 * q)) * (1.0 / INT16_MAX);
   }
 }
 
 /*------------------------------------- one cycle ------------------------------------------------*/
 
-MS_INLINE void scale_of(size_t n, ms_coarse_cycle *s, const double *r, int32_t k) {
+MS_INLINE void scale_of(size_t n, ms_coarse_cycle *s, const double *r, int32_t p) {
   ms_quad y[QUADS] = {{0}};
-  add_product(n, s->inverse + n * n * (size_t)k, r + n * (size_t)k, y);
-  for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->r + n * (size_t)k + 4 * q, y[q]);
+  add_product(n, s->inverse + n * n * (size_t)p, r + n * (size_t)s->members.item[p], y);
+  for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->r + n * (size_t)p + 4 * q, y[q]);
 }
 
 /* After z = w r, the residual is r - (I + N) w r. */
 MS_INLINE void restrict_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
+  const double w = MS_COARSE_CYCLE_DAMPING;
   ms_quad sums[BLOCK];
   for (size_t c = 0; c < n; c++) sums[c] = (ms_quad){0};
-  for (int32_t i = s->members.first[cluster]; i < s->members.first[cluster + 1]; i++) {
-    const size_t k = (size_t)s->members.item[i];
+  for (int32_t p = s->members.first[cluster]; p < s->members.first[cluster + 1]; p++) {
+    const size_t at = n * (size_t)p;
     ms_quad y[QUADS];
     double residual[BLOCK];
-    multiply_links(n, s, s->r, (int32_t)k, y);
+    multiply_links(n, s, s->r, p, y);
     for (size_t q = 0; q < n / 4; q++)
-      ms_simd_store_quad(residual + 4 * q, (1 - MS_COARSE_CYCLE_DAMPING) *
-                                                   ms_simd_load_float_quad(s->r + n * k + 4 * q) -
-                                               MS_COARSE_CYCLE_DAMPING * y[q]);
-    add_transposed(n, s->prolongation + n * n * k, residual, sums);
+      ms_simd_store_quad(residual + 4 * q,
+                         (1 - w) * ms_simd_load_float_quad(s->r + at + 4 * q) - w * y[q]);
+    add_transposed(n, s->prolongation + n * at, residual, sums);
   }
   for (size_t q = 0; q < n / 4; q++)
     ms_simd_store_quad(s->c + n * (size_t)cluster + 4 * q, total(sums + 4 * q));
 }
 
-MS_INLINE void correct_of(size_t n, ms_coarse_cycle *s, int32_t k) {
-  const size_t at = n * (size_t)k;
-  ms_quad z[QUADS];
-  for (size_t q = 0; q < n / 4; q++)
-    z[q] = MS_COARSE_CYCLE_DAMPING * ms_simd_load_float_quad(s->r + at + 4 * q);
-  if (s->cluster[k] >= 0)
-    add_product(n, s->prolongation + n * at, s->c + n * (size_t)s->cluster[k], z);
-  for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->z + at + 4 * q, z[q]);
+MS_INLINE void correct_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
+  for (int32_t p = s->members.first[cluster]; p < s->members.first[cluster + 1]; p++) {
+    const size_t at = n * (size_t)p;
+    ms_quad z[QUADS];
+    for (size_t q = 0; q < n / 4; q++)
+      z[q] = MS_COARSE_CYCLE_DAMPING * ms_simd_load_float_quad(s->r + at + 4 * q);
+    add_product(n, s->prolongation + n * at, s->c + n * (size_t)cluster, z);
+    for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->z + at + 4 * q, z[q]);
+  }
 }
 
 /* L^-T (z + w (r - (I + N) z)) */
-MS_INLINE void finish_of(size_t n, const ms_coarse_cycle *s, double *out, int32_t k) {
-  const size_t at = n * (size_t)k;
+MS_INLINE void finish_of(size_t n, const ms_coarse_cycle *s, double *out, int32_t p) {
+  const size_t at = n * (size_t)p;
+  double *to = out + n * (size_t)s->members.item[p];
   ms_quad y[QUADS], sums[BLOCK];
   double smooth[BLOCK];
-  multiply_links(n, s, s->z, k, y);
+  multiply_links(n, s, s->z, p, y);
   for (size_t q = 0; q < n / 4; q++) {
     const ms_quad r = ms_simd_load_float_quad(s->r + at + 4 * q),
                   z = ms_simd_load_float_quad(s->z + at + 4 * q);
@@ -102,7 +121,7 @@ MS_INLINE void finish_of(size_t n, const ms_coarse_cycle *s, double *out, int32_
   }
   for (size_t c = 0; c < n; c++) sums[c] = (ms_quad){0};
   add_transposed(n, s->inverse + n * at, smooth, sums);
-  for (size_t q = 0; q < n / 4; q++) ms_simd_store_quad(out + at + 4 * q, total(sums + 4 * q));
+  for (size_t q = 0; q < n / 4; q++) ms_simd_store_quad(to + 4 * q, total(sums + 4 * q));
 }
 
 /*------------------------------------- Galerkin product -----------------------------------------*/
@@ -126,9 +145,9 @@ MS_INLINE void add_projection(size_t n, const double *a, const float *row, const
 
 /* Link e to the block of its two clusters, if `own` is the one that is eliminated later, or both */
 MS_INLINE void add_link(size_t n, ms_coarse_cycle *s, int32_t e, int32_t own) {
-  const int32_t row = s->row[e], column = s->column[e];
+  const int32_t row = s->members.item[s->row[e]], column = s->members.item[s->column[e]];
   const int32_t i = s->cluster[row], j = s->cluster[column], *position = s->chol.position;
-  if (i < 0 || j < 0 || position[own] < position[own == i ? j : i]) return;
+  if (position[own] < position[own == i ? j : i]) return;
   double *to = s->chol.value + n * n * (size_t)ms_block_cholesky_find(&s->chol, i, j);
   const double *a = s->value + n * n * (size_t)(s->n + e);
   const float *left = s->modes + 16 * (size_t)row, *right = s->modes + 16 * (size_t)column;
@@ -136,17 +155,17 @@ MS_INLINE void add_link(size_t n, ms_coarse_cycle *s, int32_t e, int32_t own) {
   if (own == j) add_projection(n, a, left, right, 1, to);
 }
 
+/* A link inside the cluster is one of its rows. */
 MS_INLINE void add_products_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
   const int32_t own = ms_block_cholesky_find(&s->chol, cluster, cluster);
-  for (int32_t i = s->members.first[cluster]; i < s->members.first[cluster + 1]; i++) {
-    const int32_t k = s->members.item[i];
-    const float *modes = s->modes + 16 * (size_t)k;
-    add_projection(n, s->value + n * n * (size_t)k, modes, modes, 0,
+  const int32_t begin = s->members.first[cluster], end = s->members.first[cluster + 1];
+  for (int32_t p = begin; p < end; p++) {
+    const float *modes = s->modes + 16 * (size_t)s->members.item[p];
+    add_projection(n, s->value + n * n * (size_t)p, modes, modes, 0,
                    s->chol.value + n * n * (size_t)own);
-    for (int32_t e = s->first[k]; e < s->first[k + 1]; e++) add_link(n, s, e, cluster);
-    for (int32_t a = s->above.first[k]; a < s->above.first[k + 1]; a++)
-      if (s->cluster[s->row[s->above.item[a]]] != cluster)
-        add_link(n, s, s->above.item[a], cluster);
+    for (int32_t e = s->first[p]; e < s->first[p + 1]; e++) add_link(n, s, e, cluster);
+    for (int32_t a = s->above.first[p]; a < s->above.first[p + 1]; a++)
+      if (s->row[s->above.item[a]] >= end) add_link(n, s, s->above.item[a], cluster);
   }
 }
 
@@ -157,9 +176,9 @@ static void add_products(ms_coarse_cycle *s, int32_t cluster) {
   else add_products_of(8, s, cluster);
 }
 
-static void scale(ms_coarse_cycle *s, const double *r, int32_t k) {
-  if (s->block == 12) scale_of(12, s, r, k);
-  else scale_of(8, s, r, k);
+static void scale(ms_coarse_cycle *s, const double *r, int32_t p) {
+  if (s->block == 12) scale_of(12, s, r, p);
+  else scale_of(8, s, r, p);
 }
 
 static void restrict_cluster(ms_coarse_cycle *s, int32_t cluster) {
@@ -167,15 +186,15 @@ static void restrict_cluster(ms_coarse_cycle *s, int32_t cluster) {
   else restrict_of(8, s, cluster);
 }
 
-static void correct(ms_coarse_cycle *s, int32_t k) {
-  if (s->block == 12) correct_of(12, s, k);
-  else correct_of(8, s, k);
+static void correct_cluster(ms_coarse_cycle *s, int32_t cluster) {
+  if (s->block == 12) correct_of(12, s, cluster);
+  else correct_of(8, s, cluster);
 }
 
-static void finish(const ms_coarse_cycle *s, double *z, int32_t k) {
-  if (s->block == 12) finish_of(12, s, z, k);
-  else finish_of(8, s, z, k);
+static void finish(const ms_coarse_cycle *s, double *z, int32_t p) {
+  if (s->block == 12) finish_of(12, s, z, p);
+  else finish_of(8, s, z, p);
 }
 
 const ms_coarse_cycle_kernels MS_TABLE(ms_coarse_cycle_kernels) = {
-    add_products, scale, restrict_cluster, correct, finish};
+    add_products, scale, restrict_cluster, correct_cluster, finish};

@@ -37,10 +37,12 @@ static double estimate_condition(const ms_model *model, double h) {
  * of unknowns. LARGE systems get a cycle instead, unless angular springs, which act on up to three
  * aggregates, could make it indefinite. */
 ms_coarse_size ms_iteration_estimate_coarse_size(const ms_model *model) {
-  const int32_t LARGE = 12000, rows = model->unknowns.nfree;
-  if (rows < LARGE) return (ms_coarse_size){.aggregate = 64};
-  if (!model->angles.n) return (ms_coarse_size){.aggregate = 48, .cluster = 8};
-  return (ms_coarse_size){.aggregate = rows < 60000 ? 128 : rows < 500000 ? 192 : 256};
+  const int32_t LARGE = 60000, rows = model->unknowns.nfree;
+  if (rows >= LARGE && !model->angles.n) return (ms_coarse_size){.aggregate = 64, .cluster = 8};
+  return (ms_coarse_size){.aggregate = rows < 12000    ? 64
+                                       : rows < LARGE  ? 128
+                                       : rows < 500000 ? 192
+                                                       : 256};
 }
 
 /* With MANY iterations per factor aggregates are smaller. */
