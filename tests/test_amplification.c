@@ -60,6 +60,27 @@ static void takahashi_imada_has_its_order(void **state) {
   assert_true(fabs(log2(ratio) - 6) < 0.1);
 }
 
+/* If damping is proportional to stiffness, the eigenvalues of all modes that oscillate are on the
+ * circle |z + r| = r, r = h k/c, at |z| = 2 zeta r (docs/theory.md). */
+static double growth_on_circle(amplification_step *step, double r) {
+  double largest = -INFINITY;
+  for (double zeta = 0.001; zeta < 1; zeta += 0.001)
+    largest = fmax(largest, amplification_rate(step, zeta, 2 * zeta * r));
+  return largest;
+}
+
+static void circles_of_proportional_damping_are_stable(void **state) {
+  (void)state;
+  const struct {
+    amplification_step *step;
+    double r;
+  } cases[] = {{amplify_ssprk104, 6}, {amplify_dop853, 3.19}};
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+    assert_true(growth_on_circle(cases[i].step, cases[i].r) <= 1e-12);
+    assert_true(growth_on_circle(cases[i].step, 1.01 * cases[i].r) > 1e-3);
+  }
+}
+
 /*------------------------------------- force-gradient -------------------------------------------*/
 
 /* Omelyan, Mryglod and Folk (2002) leave four numbers a, b1, b2, g free in
@@ -150,6 +171,7 @@ static void force_gradient_solves_the_order_conditions(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(steps_have_their_order),
+                                     cmocka_unit_test(circles_of_proportional_damping_are_stable),
                                      cmocka_unit_test(takahashi_imada_has_its_order),
                                      cmocka_unit_test(force_gradient_solves_the_order_conditions)};
   return cmocka_run_group_tests_name("amplification", tests, NULL, NULL);
