@@ -72,6 +72,7 @@ static msim_status open_file(const msim_host *host, const msim_recording *what, 
   file.strain = malloc(cells), file.tension = malloc(cells), file.reaction = malloc(numbers / 2);
   memset(file.x, 0xff, numbers), memset(file.v, 0xff, numbers);
   memset(file.strain, 0xff, cells), memset(file.tension, 0xff, cells);
+  memset(file.reaction, 0xff, numbers / 2);
   *self = (void *)(uintptr_t)host;
   return count_call(host, OPENS);
 }
@@ -190,10 +191,12 @@ static void record(const msim_scene *scene, int32_t n, recorded_run r) {
   if (wrong) fail_msg("%s, %d ranks: %s", r.path, n, wrong);
 }
 
-/* A cloth with faces, of which some have no springs at an edge, and shuffled springs */
+/* A cloth with faces, of which some have no springs at an edge, and pins of which one is the end of
+ * the last springs */
 static msim_scene *cloth_with_faces(void) {
   msim_scene *scene = hanging_cloth(11, 300, 0);
-  const int32_t faces[6] = {0, 60, 120, 5, 6, 90};
+  const int32_t faces[6] = {0, 60, 120, 5, 6, 90}, last = 119;
+  assert_ok(msim_scene_pin(scene, 1, &last, err));
   assert_ok(msim_scene_add_faces(scene, 2, faces, err));
   return scene;
 }

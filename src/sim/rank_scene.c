@@ -157,27 +157,26 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err) {
 
 /*------------------------------------- gathering ------------------------------------------------*/
 
-enum { ALL_RANKS = -1, MOST_FIELDS = 10 };
+enum { ALL_RANKS = -1, TOPOLOGY_FIELDS = 3, MOST_FIELDS = 10 };
 
 /* An array of a scene */
 typedef enum element { PARTICLES, SPRINGS, FACES } element;
-typedef enum content { NUMBERS, PINS, VALUES } content; /* NUMBERS: of particles */
 typedef struct field {
   element of;
   size_t size; /* bytes an element */
   void *data;
-  content content;
+  int has_numbers; /* of particles */
 } field;
 
-/* The same ones for a slice and the whole scene; returns their number. */
+/* The same ones for a slice and the whole scene, the topology first; returns their number. */
 static int list_fields(const ms_scene *s, field f[MOST_FIELDS]) {
   const size_t real = sizeof(double), number = sizeof(int32_t);
   const field list[MOST_FIELDS] = {
-      {SPRINGS, 2 * number, s->ij, NUMBERS}, {FACES, 3 * number, s->faces, NUMBERS},
-      {PARTICLES, 1, s->pinned, PINS},       {PARTICLES, 3 * real, s->x, VALUES},
-      {PARTICLES, 3 * real, s->v, VALUES},   {PARTICLES, real, s->mass, VALUES},
-      {SPRINGS, real, s->k, VALUES},         {SPRINGS, real, s->rest, VALUES},
-      {SPRINGS, real, s->damping, VALUES},   {PARTICLES, 3 * real, s->force, VALUES}};
+      {SPRINGS, 2 * number, s->ij, 1}, {FACES, 3 * number, s->faces, 1},
+      {PARTICLES, 1, s->pinned, 0},    {PARTICLES, 3 * real, s->x, 0},
+      {PARTICLES, 3 * real, s->v, 0},  {PARTICLES, real, s->mass, 0},
+      {SPRINGS, real, s->k, 0},        {SPRINGS, real, s->rest, 0},
+      {SPRINGS, real, s->damping, 0},  {PARTICLES, 3 * real, s->force, 0}};
   memcpy(f, list, sizeof list);
   return s->force ? MOST_FIELDS : MOST_FIELDS - 1;
 }
@@ -190,7 +189,7 @@ static int64_t count_elements(const ms_section *s, element of) {
 static const void *number_ends(const ms_rank_scene *kept, const field *f, int32_t *scratch) {
   const int64_t n = count_elements(&kept->is, f->of) * (int64_t)(f->size / sizeof *scratch);
   const int32_t *end = f->data;
-  if (!kept->has_rows || f->content != NUMBERS) return end;
+  if (!kept->has_rows || !f->has_numbers) return end;
   for (int64_t i = 0; i < n; i++) scratch[i] = ms_section_particle(&kept->is, (size_t)end[i]);
   return scratch;
 }
@@ -255,7 +254,7 @@ static void move_source(ms_scene *from, ms_scene *to) {
 }
 
 static void gather_owners(const msim_sim *sim, const ms_scene *whole, int32_t *owner) {
-  const field f = {PARTICLES, sizeof *owner, sim->kept->owner, VALUES};
+  const field f = {PARTICLES, sizeof *owner, sim->kept->owner, 0};
   gather_field(sim, whole, ALL_RANKS, &f, NULL, owner);
 }
 
@@ -307,7 +306,7 @@ msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topolo
   const int fits = s && MS_NEW(&s->alloc, s->ij, 2 * (size_t)kept->nsprings) &&
                    MS_NEW(&s->alloc, s->faces, 3 * (size_t)kept->nfaces) &&
                    MS_NEW(&s->alloc, s->pinned, kept->nparticles);
-  return gather_fields(sim, ALL_RANKS, PINS + 1, s, fits, err);
+  return gather_fields(sim, ALL_RANKS, TOPOLOGY_FIELDS, s, fits, err);
 }
 
 msim_status ms_rank_scene_gather_owners(const msim_sim *sim, const ms_scene *topology,
