@@ -285,12 +285,25 @@ static void rows_are_those_of_one_process(void **state) {
   }
 }
 
+/* Faces at the first springs, which the last ones join again */
+static void repeat_springs(msim_scene *scene) {
+  for (int i = 0; i < 40; i++) {
+    msim_scene_view view = {.size = sizeof view};
+    msim_scene_get(scene, &view);
+    const int32_t ij[2] = {view.ij[2 * i + 1], view.ij[2 * i]}, face[3] = {ij[0], ij[1], 149};
+    const double k = 1, rest = 0.01 * (i + 1);
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+    if (ij[0] != 149 && ij[1] != 149) assert_ok(msim_scene_add_faces(scene, 1, face, err));
+  }
+}
+
 /* Springs, faces and pins anywhere, several springs between the same particles */
 static void rows_of_random_meshes(void **state) {
   (void)state;
   for (unsigned seed = 1; seed <= 6; seed++) {
     msim_scene *scene = random_mesh(150, seed, seed % 2 * 0.01);
     unsigned next = seed;
+    repeat_springs(scene);
     for (int i = 0; i < 90; i++) {
       const int32_t a = (int32_t)(uniform(&next) * 147), face[3] = {a, a + 1 + i % 2, 149 - a % 2};
       assert_ok(msim_scene_add_faces(scene, 1, face, err));

@@ -238,7 +238,7 @@ typedef struct unstable_run {
   const msim_scene *scene;
   msim_options opt;
   int32_t steps;
-  const char *text;
+  const char *text, *advice;
 } unstable_run;
 
 static const char *run_unstable(msim_comm *comm, void *data) {
@@ -251,6 +251,9 @@ static const char *run_unstable(msim_comm *comm, void *data) {
   const msim_status status = msim_sim_step(sim, r->steps, &why);
   EXPECT(status == MSIM_UNSTABLE || status == MSIM_NOT_FINITE);
   EXPECT(sim->kept && strcmp(why.text, r->text) == 0);
+  char advice[1024];
+  EXPECT(msim_sim_advice(sim, advice, sizeof advice) == MSIM_OK);
+  EXPECT(strcmp(advice, r->advice) == 0);
   msim_sim_destroy(sim);
   return NULL;
 }
@@ -263,8 +266,11 @@ static void check_error(const msim_scene *scene, double h, int32_t watch, const 
   msim_sim *sim = make_sim(scene, &r.opt);
   assert_true(msim_sim_step(sim, r.steps, &why) > 0);
   if (!strstr(why.text, "particle") || !strstr(why.text, what)) fail_msg("%s", why.text);
+  char advice[1024];
+  assert_int_equal(msim_sim_advice(sim, advice, sizeof advice), MSIM_OK);
+  assert_true(*advice);
   msim_sim_destroy(sim);
-  r.text = why.text;
+  r.text = why.text, r.advice = advice;
   for (int32_t n = 2; n <= 4; n++) {
     const char *wrong = run_ranks(n, run_unstable, &r);
     if (wrong) fail_msg("%d ranks: %s, not %s", n, wrong, why.text);
@@ -331,6 +337,8 @@ static const char *check_failure(msim_comm *inner, void *data) {
   const int has_failed = count.fail_at >= 0 ? made > count.fail_at : made > k->fail_at;
   count.fail_at = -1;
   EXPECT(!status || status == (k->of_calls ? MSIM_ERR_BACKEND : MSIM_ERR_MEMORY));
+  msim_state now = {.size = sizeof now};
+  EXPECT(!sim || k->of_calls || msim_sim_state(sim, &now) == MSIM_OK);
   EXPECT(!sim || k->of_calls || msim_sim_step(sim, 2, &why) == MSIM_OK);
   if (fails && !has_failed) k->succeeded = 1;
   msim_sim_destroy(sim);
