@@ -11,7 +11,8 @@ static double largest_error(const float v[MS_LANES]) {
   float found[MS_LANES];
   double largest = 0;
   ms_simd_store(found, ms_simd_two_over_sqrt(ms_simd_load(v)));
-  for (int l = 0; l < MS_LANES; l++) largest = fmax(largest, fabs(found[l] * (sqrt(v[l]) / 2) - 1));
+  for (int l = 0; l < MS_LANES; l++)
+    largest = fmax(largest, fabs(found[l] * (sqrt((double)v[l]) / 2) - 1));
   return largest;
 }
 
