@@ -140,7 +140,7 @@ static void start_pairs(ms_self_contact *c, double longest_return) {
   const double RETURN = 0.1;
   for (ms_surface_pair *p = c->pairs.pair; p < c->pairs.pair + c->pairs.n; p++) {
     double x[4][3];
-    ms_surface_pair_get(p, c->x0, x);
+    ms_feature_pair_get(p->node, c->x0, x);
     const ms_proximity at = ms_proximity_find(p->kind, x);
     p->is_active = p->is_pushed = 0;
     p->least = LEAST * fmin(p->thickness, 0.5 * at.distance);
@@ -156,9 +156,9 @@ static void start_pairs(ms_self_contact *c, double longest_return) {
 /* At x0 the plane normal to p->apart separates both by their distance. */
 static int collides(const ms_self_contact *c, const ms_surface_pair *p, ms_proximity *at) {
   double x0[4][3], x1[4][3];
-  ms_surface_pair_get(p, c->x1, x1);
+  ms_feature_pair_get(p->node, c->x1, x1);
   if (ms_proximity_find_gap(p->kind, x1, p->apart) > p->stop) return 0;
-  ms_surface_pair_get(p, c->x0, x0);
+  ms_feature_pair_get(p->node, c->x0, x0);
   return ms_proximity_collides(p->kind, x0, x1, p->least, at);
 }
 

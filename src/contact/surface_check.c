@@ -61,15 +61,15 @@ static msim_status refuse(const ms_contact_surface *s, int32_t a, int32_t b, con
 }
 
 /* 1: the distance of the features exceeds errors of rounding. */
-static int are_apart(const ms_surface_pair *p, const double *x) {
+static int are_apart(const ms_feature_pair *p, const double *x) {
   double corner[4][3], size = 0;
-  ms_surface_pair_get(p, x, corner);
+  ms_feature_pair_get(p->node, x, corner);
   for (int c = 0; c < 4; c++) size = fmax(size, ms_vec3_norm(corner[c]));
   return ms_proximity_find(p->kind, corner).distance > ROUNDING * size;
 }
 
 static int features_touch(const ms_surface_pairs *pairs, const double *x, int32_t a, int32_t b) {
-  ms_surface_pair list[MS_MOST_FEATURE_PAIRS];
+  ms_feature_pair list[MS_MOST_FEATURE_PAIRS];
   const int n = ms_surface_pairs_list(&pairs->surface, a, b, list);
   for (int i = 0; i < n; i++)
     if (!are_apart(&list[i], x)) return 1;

@@ -25,16 +25,18 @@ msim_status ms_surface_pairs_create(const ms_model *model, double thickness,
   msim_status status = ms_contact_surface_create(model, &pairs->surface, err);
   if (!status) status = ms_surface_tree_create(model->scene, &pairs->surface, &pairs->tree, err);
   if (status) return status;
-  pairs->slack = fmin(thickness, 0.25 * find_mean_length(&pairs->surface));
+  pairs->slack = fmin(thickness, 0.125 * find_mean_length(&pairs->surface));
   const size_t n = 3 * (size_t)pairs->surface.nnodes;
-  if (MS_NEW(alloc, pairs->base[0], n) && MS_NEW(alloc, pairs->base[1], n)) return MSIM_OK;
+  if (MS_NEW(alloc, pairs->base[0], n) && MS_NEW(alloc, pairs->base[1], n) &&
+      MS_NEW(alloc, pairs->way, pairs->surface.nnodes))
+    return MSIM_OK;
   return ms_error_set_memory(err, "the surface");
 }
 
 void ms_surface_pairs_destroy(const ms_scene *scene, ms_surface_pairs *pairs) {
   ms_contact_surface_destroy(scene, &pairs->surface);
   ms_surface_tree_destroy(scene, &pairs->tree);
-  MS_FREE(&scene->alloc, pairs->pair, pairs->base[0], pairs->base[1]);
+  MS_FREE(&scene->alloc, pairs->pair, pairs->base[0], pairs->base[1], pairs->way);
 }
 
 /*------------------------------------- motion of nodes ------------------------------------------*/
@@ -72,58 +74,72 @@ static int is_list_valid(const ms_surface_pairs *p, const double *x0, const doub
 
 /*------------------------------------- pairs ----------------------------------------------------*/
 
-static int have_common_node(const ms_surface_pair *p) {
+static int have_common_node(const ms_feature_pair *p) {
   for (int a = 0; a < (int)p->kind; a++)
     for (int b = p->kind; b < 4; b++)
       if (p->node[a] == p->node[b]) return 1;
   return 0;
 }
 
-/* 1: the boxes of A and B at x are farther apart than `reach` along an axis. */
-static int are_boxes_apart(ms_feature_kind kind, double x[4][3], double reach) {
-  for (int i = 0; i < 3; i++) {
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
-    for (int c = 0; c < 4; c++) {
-      const int of = c >= (int)kind;
-      low[of] = x[c][i] < low[of] ? x[c][i] : low[of];
-      high[of] = x[c][i] > high[of] ? x[c][i] : high[of];
-    }
-    if (low[0] - high[1] > reach || low[1] - high[0] > reach) return 1;
+static void extend(const ms_box *by, ms_box *box) {
+  for (int c = 0; c < 3; c++) {
+    box->low[c] = by->low[c] < box->low[c] ? by->low[c] : box->low[c];
+    box->high[c] = by->high[c] > box->high[c] ? by->high[c] : box->high[c];
   }
+}
+
+/* 1: the boxes of the ways of A and B are farther apart than `reach` along an axis. */
+static int are_boxes_apart(const ms_surface_pairs *pairs, const ms_feature_pair *p, double reach) {
+  ms_box box[2] = {pairs->way[p->node[0]], pairs->way[p->node[3]]};
+  for (int c = 1; c < 3; c++) extend(&pairs->way[p->node[c]], &box[c >= (int)p->kind]);
+  for (int c = 0; c < 3; c++)
+    if (box[0].low[c] - box[1].high[c] > reach || box[1].low[c] - box[0].high[c] > reach) return 1;
   return 0;
 }
 
-/* Set the thickness of a pair. 1: it may come closer than that on ways within the margin of the
- * base. */
-static int may_come_close(const ms_surface_pairs *pairs, ms_surface_pair *p) {
-  double x0[4][3], x1[4][3], rest[4][3];
-  ms_surface_pair_get(p, pairs->base[0], x0), ms_surface_pair_get(p, pairs->base[1], x1);
-  const double way = 2 * pairs->margin + ms_proximity_bound_change(p->kind, x0, x1);
-  if (are_boxes_apart(p->kind, x0, pairs->thickness + way)) return 0;
-  const double distance = ms_proximity_find(p->kind, x0).distance;
-  if (distance > pairs->thickness + way) return 0;
-  ms_surface_pair_get(p, pairs->surface.x_rest, rest);
-  p->thickness = fmin(pairs->thickness, 0.5 * ms_proximity_find(p->kind, rest).distance);
-  return distance <= p->thickness + way;
+/* 1: a plane normal to the line between the middles of A and B is farther than `reach` from one of
+ * them: their distance is larger, which this finds sooner. */
+static int are_planes_apart(ms_feature_kind kind, double x[4][3], double reach) {
+  double n[3];
+  for (int c = 0; c < 3; c++)
+    n[c] = kind == MS_EDGE_EDGE ? (x[0][c] + x[1][c] - x[2][c] - x[3][c]) / 2
+                                : x[0][c] - (x[1][c] + x[2][c] + x[3][c]) / 3;
+  return ms_proximity_find_gap(kind, x, n) > reach * ms_vec3_norm(n) * (1 + 1e-9);
 }
 
-static void append(const ms_surface_pair *p, ms_surface_pair *list, int *n) {
+/* Find the thickness of a pair. 1: it may come closer than that on ways within the margin of the
+ * base. */
+static int may_come_close(const ms_surface_pairs *pairs, const ms_feature_pair *p,
+                          double *thickness) {
+  double x0[4][3], x1[4][3], rest[4][3];
+  if (are_boxes_apart(pairs, p, pairs->thickness + 2 * pairs->margin)) return 0;
+  ms_feature_pair_get(p->node, pairs->base[0], x0),
+      ms_feature_pair_get(p->node, pairs->base[1], x1);
+  const double way = 2 * pairs->margin + ms_proximity_bound_change(p->kind, x0, x1);
+  if (are_planes_apart(p->kind, x0, pairs->thickness + way)) return 0;
+  const double distance = ms_proximity_find(p->kind, x0).distance;
+  if (distance > pairs->thickness + way) return 0;
+  ms_feature_pair_get(p->node, pairs->surface.x_rest, rest);
+  *thickness = fmin(pairs->thickness, 0.5 * ms_proximity_find(p->kind, rest).distance);
+  return distance <= *thickness + way;
+}
+
+static void append(const ms_feature_pair *p, ms_feature_pair *list, int *n) {
   if (!have_common_node(p)) list[(*n)++] = *p;
 }
 
 /* The corners that element a owns, and the face b */
-static void list_points(const ms_contact_surface *s, int32_t a, int32_t b, ms_surface_pair *list,
+static void list_points(const ms_contact_surface *s, int32_t a, int32_t b, ms_feature_pair *list,
                         int *n) {
   const int32_t *of = s->corner[b];
   for (int c = 0; c < 3 && b < s->nfaces; c++)
     if (s->owns[a] & 1 << c)
-      append(&(ms_surface_pair){.node = {s->corner[a][c], of[0], of[1], of[2]},
-                                .kind = MS_POINT_TRIANGLE},
-             list, n);
+      append(&(ms_feature_pair){{s->corner[a][c], of[0], of[1], of[2]}, MS_POINT_TRIANGLE}, list,
+             n);
 }
 
 int ms_surface_pairs_list(const ms_contact_surface *s, int32_t a, int32_t b,
-                          ms_surface_pair list[MS_MOST_FEATURE_PAIRS]) {
+                          ms_feature_pair list[MS_MOST_FEATURE_PAIRS]) {
   const int32_t *ca = s->corner[a], *cb = s->corner[b];
   int n = 0;
   list_points(s, a, b, list, &n);
@@ -131,8 +147,7 @@ int ms_surface_pairs_list(const ms_contact_surface *s, int32_t a, int32_t b,
   for (int i = 0; i < 9; i++) {
     const int e = i / 3, f = i % 3;
     if (s->owns[a] & 8 << e && s->owns[b] & 8 << f)
-      append(&(ms_surface_pair){.node = {ca[e], ca[(e + 1) % 3], cb[f], cb[(f + 1) % 3]},
-                                .kind = MS_EDGE_EDGE},
+      append(&(ms_feature_pair){{ca[e], ca[(e + 1) % 3], cb[f], cb[(f + 1) % 3]}, MS_EDGE_EDGE},
              list, &n);
   }
   return n;
@@ -140,30 +155,32 @@ int ms_surface_pairs_list(const ms_contact_surface *s, int32_t a, int32_t b,
 
 static msim_status add_pairs(const msim_allocator *alloc, ms_surface_pairs *pairs, int32_t a,
                              int32_t b, msim_error *err) {
-  ms_surface_pair list[MS_MOST_FEATURE_PAIRS];
+  ms_feature_pair list[MS_MOST_FEATURE_PAIRS];
   const int n = ms_surface_pairs_list(&pairs->surface, a, b, list);
-  for (ms_surface_pair *p = list; p < list + n; p++) {
-    if (!may_come_close(pairs, p)) continue;
+  for (const ms_feature_pair *p = list; p < list + n; p++) {
+    double thickness;
+    if (!may_come_close(pairs, p, &thickness)) continue;
     const msim_status status = ms_memory_reserve(alloc, MS_ARRAY(pairs->pair), pairs->n,
                                                  &pairs->capacity, (int64_t)pairs->n + 1, err);
     if (status) return status;
-    pairs->pair[pairs->n++] = *p;
+    ms_surface_pair *to = &pairs->pair[pairs->n++];
+    *to = (ms_surface_pair){.kind = p->kind, .thickness = thickness};
+    memcpy(to->node, p->node, sizeof to->node);
   }
   return MSIM_OK;
 }
 
 void ms_surface_pairs_set_boxes(ms_surface_pairs *p, const double *x0, const double *x1,
                                 double reach) {
+  for (int32_t k = 0; k < p->surface.nnodes; k++)
+    for (int c = 0; c < 3; c++) {
+      const double a = x0[3 * (size_t)k + (size_t)c], b = x1[3 * (size_t)k + (size_t)c];
+      p->way[k].low[c] = a < b ? a : b, p->way[k].high[c] = a < b ? b : a;
+    }
   for (int32_t i = 0; i < p->surface.nelements; i++) {
     ms_box *box = &p->tree.box[p->tree.leaf[i]];
-    *box = (ms_box){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-    for (int k = 0; k < 6; k++) {
-      const double *x = (k < 3 ? x0 : x1) + 3 * (size_t)p->surface.corner[i][k % 3];
-      for (int c = 0; c < 3; c++) {
-        box->low[c] = x[c] < box->low[c] ? x[c] : box->low[c];
-        box->high[c] = x[c] > box->high[c] ? x[c] : box->high[c];
-      }
-    }
+    *box = p->way[p->surface.corner[i][0]];
+    for (int c = 1; c < 3; c++) extend(&p->way[p->surface.corner[i][c]], box);
     for (int c = 0; c < 3; c++) box->low[c] -= reach, box->high[c] += reach;
   }
   ms_surface_tree_update(&p->tree);

@@ -12,6 +12,12 @@
 #include "contact/proximity.h"
 #include "contact/surface_tree.h"
 
+/* Two features */
+typedef struct ms_feature_pair {
+  int32_t node[4];
+  ms_feature_kind kind;
+} ms_feature_pair;
+
 /* Two features without a common node, and, where is_active, the plane of their contact */
 typedef struct ms_surface_pair {
   int32_t node[4];
@@ -39,6 +45,7 @@ typedef struct ms_surface_pairs {
   ms_surface_pair *pair;
   double *base[2]; /* 3 nnodes: the way of each node that the list was made for */
   double margin;   /* m: how far it may be from that; < 0: there is no list */
+  ms_box *way;     /* nnodes: the box of each of these ways */
 } ms_surface_pairs;
 
 /* On failure the caller destroys what is there. */
@@ -55,17 +62,17 @@ msim_status ms_surface_pairs_update(const msim_allocator *alloc, ms_surface_pair
 /* The pairs of two elements: the corners and edges that one of them owns; returns their number. */
 enum { MS_MOST_FEATURE_PAIRS = 3 + 3 + 9 };
 int ms_surface_pairs_list(const ms_contact_surface *surface, int32_t a, int32_t b,
-                          ms_surface_pair list[MS_MOST_FEATURE_PAIRS]);
+                          ms_feature_pair list[MS_MOST_FEATURE_PAIRS]);
 
 /* Set the boxes of the tree to those of the ways from x0 to x1, enlarged by `reach`. */
 void ms_surface_pairs_set_boxes(ms_surface_pairs *pairs, const double *x0, const double *x1,
                                 double reach);
 
 /* The positions of the corners of a pair */
-static inline void ms_surface_pair_get(const ms_surface_pair *p, const double *x,
+static inline void ms_feature_pair_get(const int32_t node[4], const double *x,
                                        double corner[4][3]) {
   for (int c = 0; c < 4; c++)
-    for (int i = 0; i < 3; i++) corner[c][i] = x[3 * (size_t)p->node[c] + (size_t)i];
+    for (int i = 0; i < 3; i++) corner[c][i] = x[3 * (size_t)node[c] + (size_t)i];
 }
 
 /* sum += by sum_c w_c y_c. y: 3 nnodes */
