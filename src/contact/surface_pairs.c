@@ -60,7 +60,7 @@ static double find_largest_change(int32_t n, const double *x, const double *y) {
 static void choose_base(ms_surface_pairs *p, const double *x0, const double *x1) {
   const int32_t n = p->surface.nnodes;
   const size_t bytes = 3 * (size_t)n * sizeof *x0;
-  const int is_slow = find_largest_change(n, x0, x1) <= p->slack / 4;
+  const int is_slow = find_largest_change(n, x0, x1) <= p->slack / 2;
   p->margin = is_slow ? p->slack : p->slack / 4;
   memcpy(p->base[0], x0, bytes);
   memcpy(p->base[1], is_slow ? x0 : x1, bytes);
