@@ -2,6 +2,8 @@
  * and irregular graphs. */
 #include "linear/aggregates.h"
 
+#include "linear/clusters.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -360,6 +362,26 @@ static void any_stiffness(void **state) {
     }
 }
 
+/* Nodes without edges are clusters of their own only where clusters of one are allowed. */
+static void nodes_may_be_alone(void **state) {
+  (void)state;
+  const msim_allocator alloc = ms_memory_allocator(NULL);
+  const ms_springs edges = {.n = 2, .i = (int32_t[]){4, 2}, .j = (int32_t[]){2, 1}};
+  for (int32_t least = 1; least <= 2; least++) {
+    const int32_t want[2][5] = {{0, 1, 1, 2, 1}, {-1, 0, 0, -1, 0}};
+    int32_t of[5];
+    ms_incidence joined;
+    ms_buckets members = {0};
+    assert_true(ms_incidence_create(&alloc, &edges, 5, &joined));
+    const ms_cluster_size size = {.complete = 3, .least = least};
+    assert_int_equal(ms_clusters_grow(&alloc, &joined, 5, size, of, &members), least == 1 ? 3 : 1);
+    assert_memory_equal(of, want[least - 1], sizeof of);
+    assert_int_equal(members.first[1] - members.first[0], least == 1 ? 1 : 3);
+    ms_buckets_destroy(&alloc, &members);
+    ms_incidence_destroy(&alloc, &joined);
+  }
+}
+
 static void memory_that_ends_is_reported(void **state) {
   (void)state;
   int allowed = 0;
@@ -396,6 +418,7 @@ int main(void) {
       cmocka_unit_test(all_pinned_but_one),
       cmocka_unit_test(any_graph),
       cmocka_unit_test(any_stiffness),
+      cmocka_unit_test(nodes_may_be_alone),
       cmocka_unit_test(memory_that_ends_is_reported)};
   return cmocka_run_group_tests_name("aggregates", tests, NULL, NULL);
 }

@@ -266,6 +266,23 @@ static void cycle_is_symmetric_and_contracts(void **state) {
   }
 }
 
+/* A diagonal block that is not positive definite is reported, even if that of the clusters is. */
+static void indefinite_matrices_are_reported(void **state) {
+  (void)state;
+  msim_sim *sim = moved(FOLDED);
+  ms_pcg *pcg = pcg_of(sim);
+  const ms_coarse_matrix a = {.coefficients = pcg->coefficients,
+                              .inertia = pcg->inertia,
+                              .a = &pcg->base.system->a,
+                              .by = 1 / pcg->jacobi.scale};
+  assert_ok(ms_coarse_factor(&pcg->coarse, &a));
+  double *inertia = pcg->inertia + sim->islands->model.unknowns.nfree / 2;
+  for (int i = 0; i < 1000 && !ms_coarse_factor(&pcg->coarse, &a); i++) *inertia -= 1e-3;
+  assert_int_equal(ms_coarse_factor(&pcg->coarse, &a), MSIM_NOT_SPD);
+  assert_ok(ms_block_cholesky_factor(&pcg->coarse.cycle.chol));
+  msim_sim_destroy(sim);
+}
+
 /* The modes of a cluster are orthonormal, and translations are among them. */
 static void clusters_translate(void **state) {
   (void)state;
@@ -400,6 +417,7 @@ static void memory_that_ends_is_reported(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(cycle_is_that_of_the_formula),
                                      cmocka_unit_test(cycle_is_symmetric_and_contracts),
+                                     cmocka_unit_test(indefinite_matrices_are_reported),
                                      cmocka_unit_test(clusters_translate),
                                      cmocka_unit_test(cycles_take_few_iterations),
                                      cmocka_unit_test(large_systems_get_a_cycle),
