@@ -194,9 +194,10 @@ static void unsupported_options_are_refused(void **state) {
 
 static void threads_and_resumes_keep_the_bits(void **state) {
   (void)state;
-  static const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler"};
+  static const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler",
+                                        "implicit-euler"};
   msim_scene *scene = two_sheets(0.3);
-  for (int m = 0; m < 2; m++) {
+  for (int m = 0; m < 3; m++) {
     msim_options opt = options(methods[m], 2e-3), two = opt;
     two.threads = 2;
     msim_sim *whole = make_sim(scene, &opt), *threads = make_sim(scene, &two);
