@@ -1,4 +1,4 @@
-/* event_options - options and methods that the tests of collision = event share */
+/* event_options - options, methods and a scene that the tests of collision = event share */
 #ifndef TEST_EVENT_OPTIONS_H
 #define TEST_EVENT_OPTIONS_H
 
@@ -25,6 +25,24 @@ static inline const char *event_method_at(int32_t i) {
   for (int32_t m = 0; (name = method_at(m)) != NULL; m++)
     if (!refuses_events(name) && i-- == 0) break;
   return name;
+}
+
+/* 64 particles just above a rough floor, from which they bounce all the time */
+static inline msim_scene *bouncing_block(void) {
+  const double g[3] = {-4.48, -1.52, -8.59};
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {4, 4, 4},
+                              .origin = {0, 0, 0.0207},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 740,
+                              .damping = 0.97};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0, 0, 1, 0, 1, 0.3);
+  return scene;
 }
 
 #endif

@@ -226,10 +226,34 @@ static void many_oscillators_keep_second_order(void **state) {
   msim_scene_destroy(scene);
 }
 
+/*------------------------------------- error control --------------------------------------------*/
+
+/* Sixteen particles of a block land within 1e-10 s of each other, so that some are nearly near
+ * enough to touch the floor where a step begins, and in its middle are: they must not bounce
+ * there, as steps of any length then differ from two half steps. */
+static void particles_land_within_rounding_of_each_other(void **state) {
+  (void)state;
+  enum { TOLERANCES = 16 };
+  static const char *const methods[] = {"velocity-verlet", "rk4"};
+  msim_scene *scene = bouncing_block();
+  for (int m = 0; m < 2; m++)
+    for (int i = 0; i < TOLERANCES; i++) {
+      msim_options opt = options(methods[m], 1e-3);
+      opt.tol = 3e-4 * pow(10, -i / 8.), opt.steps = -1, opt.t_end = 0.1;
+      msim_sim *sim = make_sim(scene, &opt);
+      msim_error why;
+      if (msim_sim_run(sim, NULL, NULL, &why)) fail_msg("%s: %s", methods[m], why.text);
+      assert_true(stats_of(sim).contacts >= 16);
+      msim_sim_destroy(sim);
+    }
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(order_is_kept_through_impacts),
-                                     cmocka_unit_test(release_is_located),
-                                     cmocka_unit_test(a_sliding_mass_turns_and_sticks),
-                                     cmocka_unit_test(many_oscillators_keep_second_order)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(order_is_kept_through_impacts), cmocka_unit_test(release_is_located),
+      cmocka_unit_test(a_sliding_mass_turns_and_sticks),
+      cmocka_unit_test(many_oscillators_keep_second_order),
+      cmocka_unit_test(particles_land_within_rounding_of_each_other)};
   return cmocka_run_group_tests_name("event_orders", tests, NULL, NULL);
 }

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "checkpoints.h"
+#include "event_options.h"
 #include "sim/frames.h"
 #include "sim/sim.h"
 
@@ -91,24 +92,6 @@ static msim_scene *falling_block(int32_t side) {
   assert_ok(msim_scene_add_lattice(scene, &block, err));
   assert_ok(msim_scene_set_gravity(scene, g, err));
   plane(scene, 0.1, 0.05, 1, 0, 0.8, 0);
-  return scene;
-}
-
-/* 64 particles just above a rough floor, from which they bounce all the time */
-static msim_scene *bouncing_block(void) {
-  const double g[3] = {-4.48, -1.52, -8.59};
-  const msim_lattice block = {.size = sizeof block,
-                              .n = {4, 4, 4},
-                              .origin = {0, 0, 0.0207},
-                              .extent = {0.2, 0.2, 0.2},
-                              .mass = 1,
-                              .k = 740,
-                              .damping = 0.97};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_lattice(scene, &block, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  plane(scene, 0, 0, 1, 0, 1, 0.3);
   return scene;
 }
 

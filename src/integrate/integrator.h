@@ -34,6 +34,7 @@ typedef struct ms_stepper {
                           step, J */
   double h_before;     /* of the step that led to the present state, or its last substep */
   int64_t parts;       /* substeps of equal length in the step being made */
+  int64_t part;        /* the one being made, from 0 */
   ms_bounds bounds;    /* of the island, if the method has stages() */
   double *x_spare[2];  /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];

@@ -65,6 +65,7 @@ msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int
   ms_contact_log_clear(s->contact_log, start.h);
   double impact = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
+    s->part = i;
     if (i > 0) begin_next_substep(s, &start);
     status = agree_on_substep(sim, step_checked(sim, s, err), err);
     if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
