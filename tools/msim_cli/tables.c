@@ -24,13 +24,15 @@ const char *table_title(table_kind kind) { return kinds[kind].title; }
 /*------------------------------------- opening --------------------------------------------------*/
 
 int table_open(table *t, table_kind kind, const msim_scene *scene, const char *path) {
-  msim_scene_view view = {.size = sizeof view};
   t->kind = kind;
   t->scene = scene;
-  if (kind != TABLE_ENERGIES) msim_scene_get(scene, &view);
-  const int32_t rows = view.nparticles > view.nsprings ? view.nparticles : view.nsprings;
-  t->values = calloc(3 * (size_t)rows, sizeof *t->values);
-  if (!t->values) return report_error("out of memory for a table of %s", kinds[kind].name);
+  if (kind != TABLE_ENERGIES) {
+    msim_scene_view view = {.size = sizeof view};
+    msim_scene_get(scene, &view);
+    const int32_t rows = view.nparticles > view.nsprings ? view.nparticles : view.nsprings;
+    t->values = calloc(3 * (size_t)rows, sizeof *t->values);
+    if (!t->values) return report_error("out of memory for a table of %s", kinds[kind].name);
+  }
   if (!ranks_has_files()) return EXIT_OK;
   if (output_open(&t->start, path)) return EXIT_ERROR;
   fputs(kinds[kind].title, t->start.stream);
