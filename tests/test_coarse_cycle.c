@@ -390,8 +390,8 @@ static void bits_are_the_same(void **state) {
 
 static void memory_that_ends_is_reported(void **state) {
   (void)state;
-  int32_t meals = 0;
-  for (msim_status status = MSIM_ERR_MEMORY; status; meals++) {
+  int32_t allowed = 0;
+  for (msim_status status = MSIM_ERR_MEMORY; status; allowed++) {
     limited_allocator memory;
     const msim_allocator alloc = make_limited_allocator(&memory);
     msim_scene *scene = hanging_cloth(14, 100, 0);
@@ -402,7 +402,7 @@ static void memory_that_ends_is_reported(void **state) {
     starved.alloc = alloc;
     const ms_scene *data = model.scene;
     model.scene = &starved;
-    memory.remaining = meals;
+    memory.remaining = allowed;
     status = ms_coarse_create(&model, SMALL, &coarse, NULL);
     if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
     ms_coarse_destroy(&coarse);
@@ -411,7 +411,7 @@ static void memory_that_ends_is_reported(void **state) {
     ms_model_destroy(&model);
     msim_scene_destroy(scene);
   }
-  assert_true(meals > 50);
+  assert_true(allowed > 50);
 }
 
 int main(void) {

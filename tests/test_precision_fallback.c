@@ -156,7 +156,7 @@ static void doubles_verify_what_floats_cannot(void **state) {
   msim_sim_destroy(sim), msim_scene_destroy(scene);
 }
 
-/* The difference of a step from its halves, and the angles, are those of doubles, but for rounding
+/* The difference of a step from half steps, and the angles, are those of doubles, but for rounding
  * of forces: u w h w R in the velocity, u (w h)^2 R in the position. */
 static void differences_are_those_of_doubles(void **state) {
   (void)state;

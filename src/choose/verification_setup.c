@@ -27,7 +27,7 @@ int ms_verification_setup_is_needed(const ms_pilot_run *p, const ms_candidate *c
   return !(p->planes_count && impacts_keep_order(p, c));
 }
 
-/* Set the difference from their halves that verified steps may have (step_verification.h): 50 e
+/* Set the difference from half steps that verified steps may have (step_verification.h): 50 e
  * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
  * and no plane is near. e: that of a step at the choice; E: the error foreseen without the growth
  * to come. A measured step may contain an event, whose error and indicators are not typical: so

@@ -82,8 +82,8 @@ static double find_turn(const ms_stepper *s) {
 
 /* Make the step again in two half steps, which replace it. Their impacts replace the step's, too:
  * `contacts` is the count before the step. *error: the squared norm of the difference. */
-static msim_status repeat_in_halves(const msim_sim *sim, ms_stepper *s, const ms_scales *scales,
-                                    int64_t contacts, double *error, msim_error *err) {
+static msim_status repeat_in_half_steps(const msim_sim *sim, ms_stepper *s, const ms_scales *scales,
+                                        int64_t contacts, double *error, msim_error *err) {
   s->stats->contacts = contacts;
   ms_stepper_swap(&s->x_next, &s->x_spare[1]);
   ms_stepper_swap(&s->v_next, &s->v_spare[1]);
@@ -109,7 +109,7 @@ msim_status ms_step_verification_measure(msim_sim *sim, const ms_scales *scales,
     step->indicator[DEFECT] = fmax(step->indicator[DEFECT],
                                    find_defect_norm(sim->config.integrator, &m->stepper, scales));
     step->indicator[TURN] = fmax(step->indicator[TURN], find_turn(&m->stepper));
-    status = repeat_in_halves(sim, &m->stepper, scales, contacts, &error, err);
+    status = repeat_in_half_steps(sim, &m->stepper, scales, contacts, &error, err);
     if (status) return status;
     sum += error;
   }
@@ -255,13 +255,13 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   const int only_events = sim->config.choice.verification.only_events;
   if (!status && !has_event && (only_events || !needs_verification(sim, m, sign))) return MSIM_OK;
   if (!status)
-    status =
-        repeat_in_halves(sim, s, &sim->config.choice.verification.scales, contacts, &error, err);
+    status = repeat_in_half_steps(sim, s, &sim->config.choice.verification.scales, contacts, &error,
+                                  err);
   error = status ? INFINITY : sqrt(error);
   const double enough = fmax(allowed, fmin(better * allowed, sim->config.choice.tol / 4));
   check->verify_next = !(error <= allowed);
   if (!(error <= enough) && m->model.single) {
-    check->needs_doubles = 1; /* for the next steps; this one stays in halves */
+    check->needs_doubles = 1; /* for the next steps; this one stays in half steps */
     return status;
   }
   if (!(error <= enough)) {
