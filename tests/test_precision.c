@@ -4,7 +4,7 @@
 #include <math.h>
 
 #include "checkpoints.h"
-#include "failing_allocator.h"
+#include "failing_sims.h"
 #include "scene/scene.h"
 
 #define U (FLT_EPSILON / 2) /* the largest relative error of an operation */
@@ -284,22 +284,7 @@ static void memory_may_run_out(void **state) {
   assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
   msim_options opt = single_options("velocity-verlet", 1e-3);
   opt.threads = 1;
-  for (int64_t which = 0;; which++) {
-    msim_sim *sim = NULL;
-    failing_allocator_count(FAILING_BY_ALLOCATOR);
-    failing_allocator_arm(which, 0);
-    const msim_status status = msim_sim_create(scene, &opt, &sim, NULL);
-    const int failed = failing_allocator_has_failed();
-    failing_allocator_arm(0, 1);
-    if (!status) assert_int_equal(msim_sim_step(sim, 200, NULL), MSIM_OK);
-    failing_allocator_arm(-1, 0);
-    msim_sim_destroy(sim);
-    assert_int_equal(failing_allocator_count_leaks(), 0);
-    failing_allocator_count(FAILING_NONE);
-    if (!failed) break;
-    assert_true(status == MSIM_ERR_MEMORY || !status);
-    assert_true(which < 1000);
-  }
+  expect_creation_survives_failures(scene, &opt, 200);
   msim_scene_destroy(scene);
 }
 

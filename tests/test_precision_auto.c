@@ -7,7 +7,7 @@
 #include "auto_scenes.h"
 #include "checkpoints.h"
 #include "choose/precision_choice.h"
-#include "failing_allocator.h"
+#include "failing_sims.h"
 #include "methods/methods.h"
 #include "physics/scales.h"
 
@@ -409,25 +409,10 @@ static void memory_may_run_out(void **state) {
   assert_ok(msim_scene_set_gravity(scene, g, err));
   msim_options opt = single_options_of(0.05);
   opt.threads = 1;
-  int singles = 0;
-  for (int64_t which = 0;; which++) {
-    msim_sim *sim = NULL;
-    failing_allocator_count(FAILING_BY_ALLOCATOR);
-    failing_allocator_arm(which, 0);
-    const msim_status status = msim_sim_create(scene, &opt, &sim, NULL);
-    const int failed = failing_allocator_has_failed();
-    failing_allocator_arm(0, 1);
-    if (!status) assert_int_equal(msim_sim_step(sim, 3, NULL), MSIM_OK);
-    if (!status) singles += is_single(sim);
-    failing_allocator_arm(-1, 0);
-    msim_sim_destroy(sim);
-    assert_int_equal(failing_allocator_count_leaks(), 0);
-    failing_allocator_count(FAILING_NONE);
-    if (!failed) break;
-    assert_true(status == MSIM_ERR_MEMORY || !status);
-    assert_true(which < 2000);
-  }
-  assert_true(singles > 0);
+  expect_creation_survives_failures(scene, &opt, 3);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_true(is_single(sim));
+  msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
