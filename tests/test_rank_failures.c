@@ -254,7 +254,7 @@ static void ranks_rest_together(void **state) {
 static const char *check_monitor(msim_comm *comm, void *data) {
   const msim_sim *alone = data;
   const ms_energy_monitor *a = &alone->monitor;
-  const msim_scene scene = {alone->scene};
+  const msim_scene scene = {.data = alone->scene};
   msim_options opt = options("velocity-verlet", 1e-4);
   msim_sim *sim;
   msim_error why;

@@ -49,10 +49,12 @@ class RankFiles(CliTest):
         support.require(re.search(r"(?m)^  hdf5 +yes ", listed), "the recorder hdf5")
         self.write("scene.json", CLOTH)
 
+    scene_file = "scene.json"
+
     def command(self, n, options, file, *more):
         """Arguments of mpirun; n = 1: one process, which opens no MPI."""
-        return ["-n", str(n), CLI, "run", "scene.json", *options.split(), "--out", file, "--quiet",
-                *more]
+        return ["-n", str(n), CLI, "run", self.scene_file, *options.split(), "--out", file,
+                "--quiet", *more]
 
     def record(self, n, options, file, *more):
         with self.start(*self.command(n, options, file, *more)) as process:
@@ -154,6 +156,53 @@ class Files(RankFiles):
             self.assertEqual(err.count("msim_cli: "), 1, err)
             self.assertIn(word, err)
             self.assertEqual(self.read("out.vtkhdf"), before)
+
+
+class Parts(RankFiles):
+    """Scenes of which each rank reads a part"""
+    scene_file = "scene.h5"
+
+    def setUp(self):
+        super().setUp()
+        support.require(h5py, "h5py of PyPI")
+        chance = numpy.random.default_rng(1)
+        side = 15
+        at = numpy.arange(side * side).reshape(side, side)
+        pairs = [(at[:, 1:], at[:, :-1]), (at[1:], at[:-1]), (at[1:, 1:], at[:-1, :-1])]
+        self.ij = numpy.concatenate([numpy.stack([a.ravel(), b.ravel()], 1) for a, b in pairs])
+        with h5py.File(self.folder / "scene.h5", "w") as file:
+            file["msim"] = 1
+            file["gravity"] = [0, 0, -9.81]
+            file["particles/x"] = numpy.stack([at.ravel() % side, at.ravel() // side,
+                                               chance.random(side * side)], 1) / side
+            file["particles/mass"] = 1e-3 * (1 + chance.random(side * side))
+            file["particles/pinned"] = [0, side - 1]
+            file["springs/ij"] = self.ij
+            file["springs/k"] = 50 + chance.random(len(self.ij))
+            file["springs/rest"] = 0.08 * (1 + chance.random(len(self.ij)))
+            file["springs/damping"] = 1e-4
+            file["faces"] = numpy.stack([at[1:, 1:].ravel(), at[:-1, 1:].ravel(),
+                                         at[1:, :-1].ravel()], 1)
+
+    def test_bits_of_one_process(self):
+        options = "--integrator velocity-verlet --h 2e-4 --steps 200 --every 40"
+        for n in 1, 2, 3:
+            self.record(n, options, f"{n}.vtkhdf")
+        self.assert_same_frames("1.vtkhdf", "2.vtkhdf")
+        self.assert_same_frames("2.vtkhdf", "3.vtkhdf")
+        before = self.read("2.vtkhdf")
+        self.record(3, options, "2.vtkhdf", "--resume")
+        self.assertEqual(self.read("2.vtkhdf"), before)
+
+    def test_a_fault_in_one_part(self):
+        """The rank that has it is named, and the row in the file."""
+        last = len(self.ij) - 1
+        with h5py.File(self.folder / "scene.h5", "a") as file:
+            file["springs/k"][last] = -1
+        status, out, err = self.cli(*self.command(2, EXPLICIT, "out.vtkhdf"))
+        self.assertEqual((status, out, err.count("msim_cli: ")), (1, "", 1), err)
+        self.assertRegex(err, rf"msim_cli: rank 1 of 2 on host [^ ]+: scene\.h5: springs\.k\[{last}\] ")
+        self.assertEqual(self.files(), ["scene.h5", "scene.json"])
 
 
 class Kills(RankFiles):

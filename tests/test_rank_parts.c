@@ -10,7 +10,7 @@
 #include "layout/bisection.h"
 #include "layout/halo.h"
 #include "layout/layout.h"
-#include "layout/section.h"
+#include "scene/section.h"
 #include "layout/rank_order.h"
 #include "rank_scenes.h"
 #include "ranks.h"

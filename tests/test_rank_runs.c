@@ -59,7 +59,7 @@ static void several_islands(void **state) {
 
 static const char *check_bounds(msim_comm *comm, void *data) {
   const msim_sim *alone = data;
-  const msim_scene scene = {alone->scene};
+  const msim_scene scene = {.data = alone->scene};
   msim_options opt = options("rkc", 1e-4);
   msim_sim *sim;
   opt.comm = comm;

@@ -66,7 +66,7 @@ static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, cons
 /* Write the springs to a copy of the scene that belongs to this sim alone. */
 static msim_status replace_spring_values(msim_sim *sim, const double *k, const double *rest,
                                          const double *damping, msim_error *err) {
-  msim_scene handle = {sim->scene};
+  msim_scene handle = {.data = sim->scene};
   ms_scene *scene = ms_scene_make_writable(&handle, err);
   if (!scene) return MSIM_ERR_MEMORY;
   const size_t bytes = (size_t)scene->nsprings * sizeof(double);

@@ -62,7 +62,7 @@ static msim_status change_forces(msim_sim *sim, set_in_scene *set, const double 
                                  msim_error *err) {
   const msim_status gathered = ms_sim_provide_arrays(sim, err);
   if (gathered) return gathered;
-  msim_scene handle = {ms_scene_retain(sim->scene)}; /* shared: the setter makes a copy */
+  msim_scene handle = {.data = ms_scene_retain(sim->scene)}; /* shared: the setter makes a copy */
   ms_scene *before = sim->scene;
   msim_state now = {.size = sizeof now};
   msim_status status = ms_ranks_agree(sim->ranks, set(&handle, values, err), err);

@@ -133,7 +133,7 @@ msim_status ms_change_scene(msim_sim *sim, ms_scene_change *change, const void *
   if (status) return status;
   const size_t count = 3 * (size_t)sim->scene->nparticles;
   double *x = ms_memory_allocate(&sim->alloc, 2 * count, sizeof *x);
-  msim_scene copy = {NULL};
+  msim_scene copy = {.data = NULL};
   status = change_copy(sim, change, data, &copy, x, err);
   status = ms_ranks_agree(sim->ranks, status, err);
   if (!status) status = restart(sim, copy.data, moves, x, x + count, err);

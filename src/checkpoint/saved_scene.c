@@ -242,7 +242,7 @@ enum { PARTICLE = 9 * sizeof(double) + 1 }; /* its force and pin: bytes of force
 
 void ms_saved_scene_write_changes(ms_archive *b, const msim_sim *sim) {
   int32_t changed = sim->edited_from ? MS_SCENE_EDITED : sim->created_from ? MS_SCENE_CHANGED : 0;
-  msim_scene handle = {sim->scene};
+  msim_scene handle = {.data = sim->scene};
   const int32_t elsewhere = ms_rank_scene_count_particles(sim) - sim->scene->nparticles;
   MS_ARCHIVE_TRANSFER(b, changed);
   if (b->direction == MS_ARCHIVE_COUNT) b->position += (size_t)elsewhere * PARTICLE;
@@ -312,7 +312,7 @@ static msim_status read_changes(ms_archive *b, msim_scene *scene, int32_t change
 
 msim_status ms_saved_scene_read_changes(ms_archive *b, const msim_sim *sim, ms_scene **scene,
                                         int32_t *changed, msim_error *err) {
-  msim_scene copy = {ms_scene_retain(sim->edited_from ? sim->edited_from : sim->scene)};
+  msim_scene copy = {.data = ms_scene_retain(sim->edited_from ? sim->edited_from : sim->scene)};
   msim_status status = MSIM_OK;
   *scene = NULL;
   MS_ARCHIVE_TRANSFER(b, *changed);
@@ -336,7 +336,7 @@ void ms_saved_scene_write_springs(ms_archive *b, const msim_sim *sim) {
 
 /* A copy of the sim's scene, to be changed; NULL: out of memory */
 static ms_scene *copy_scene(const msim_sim *sim, msim_error *err) {
-  msim_scene copy = {ms_scene_retain(sim->scene)};
+  msim_scene copy = {.data = ms_scene_retain(sim->scene)};
   ms_scene *scene = ms_scene_make_writable(&copy, err);
   if (!scene) ms_scene_release(sim->scene);
   return scene;

@@ -187,7 +187,7 @@ static msim_status try_candidate_step(ms_pilot_run *p, int i, ms_candidate *c, d
 
 static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
                                     double h, msim_sim **sim, msim_error *err) {
-  msim_scene scene = {p->sim->scene};
+  msim_scene scene = {.data = p->sim->scene};
   msim_options opt = p->sim->config.opt;
   opt.size = sizeof opt;
   opt.integrator = method->entry.name;

@@ -82,7 +82,7 @@ static double error_distance(const ms_pilot_run *p, msim_sim *sim, const ms_pilo
 static const ms_integrator *const widest = &ms_dop853;
 
 static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, msim_error *err) {
-  msim_scene scene = {p->sim->scene};
+  msim_scene scene = {.data = p->sim->scene};
   msim_options opt = p->sim->config.opt;
   *sim = p->sims[collision];
   if (*sim) return MSIM_OK;

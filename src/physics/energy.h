@@ -2,7 +2,7 @@
 #ifndef MS_ENERGY_H
 #define MS_ENERGY_H
 
-#include "layout/section.h"
+#include "scene/section.h"
 
 /* The energies of each part of a scene, J */
 typedef struct ms_energies {

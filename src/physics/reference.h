@@ -2,7 +2,7 @@
 #ifndef MS_REFERENCE_H
 #define MS_REFERENCE_H
 
-#include "layout/section.h"
+#include "scene/section.h"
 
 /* f = F(x, v) of force.h on every particle, 0 on pinned ones. Serves states with 3 components in
  * sims with 2. x, v, f: n x 3. */

@@ -1,11 +1,11 @@
 /* rank_frames - frames whose rows several ranks write to one file, each those of its section of the
- * scene (layout/section.h), whatever particles it computes */
+ * scene (scene/section.h), whatever particles it computes */
 #ifndef MS_RANK_FRAMES_H
 #define MS_RANK_FRAMES_H
 
 #include "base/plugin.h"
 #include "msim/recorder.h"
-#include "layout/section.h"
+#include "scene/section.h"
 #include "sim/sim.h"
 
 typedef struct ms_rank_frames {

@@ -7,7 +7,7 @@
 #ifndef MS_STRAIN_H
 #define MS_STRAIN_H
 
-#include "layout/section.h"
+#include "scene/section.h"
 
 typedef struct ms_strain {
   int32_t *edge;           /* the springs between the corners of each face; -1: none */

@@ -199,7 +199,7 @@ static msim_status add_angles(msim_scene *scene, const msim_edit *edit, const ms
 
 msim_status ms_edit_copy(ms_scene *scene, const msim_edit *edit, const ms_edit_map *map,
                          ms_scene **edited, msim_error *err) {
-  msim_scene copy = {ms_scene_retain(scene)}; /* shared, and so copied */
+  msim_scene copy = {.data = ms_scene_retain(scene)}; /* shared, and so copied */
   ms_scene *s = ms_scene_make_writable(&copy, err);
   msim_status status = s ? MSIM_OK : MSIM_ERR_MEMORY;
   *edited = NULL;

@@ -6,11 +6,11 @@
 static msim_status check_face(const ms_scene *s, int64_t i, const int32_t *corner,
                               msim_error *err) {
   for (int c = 0; c < 3; c++) {
-    if (corner[c] < 0 || corner[c] >= s->nparticles)
+    if (corner[c] < 0 || corner[c] >= ms_scene_count_ends(s))
       return ms_error_set(
           err, MSIM_ERR_ARG,
           "faces[%lld] refers to particle %d; there are %d particles, counted from 0", (long long)i,
-          corner[c], s->nparticles);
+          corner[c], ms_scene_count_ends(s));
     if (corner[c] == corner[(c + 1) % 3])
       return ms_error_set(err, MSIM_ERR_ARG,
                           "faces[%lld] has particle %d twice; it must have three different ones",

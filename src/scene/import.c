@@ -2,7 +2,7 @@
 
 #include <stdio.h>
 
-#include "scene/import_nodes.h"
+#include "scene/import_part.h"
 #include "scene/scene_json.h"
 
 /*------------------------------------- the tree -------------------------------------------------*/
@@ -50,7 +50,9 @@ static json_t *convert_group(ms_import_nodes *in, json_t *group) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-static msim_status load_scene(ms_import_nodes *in, const msim_importer *table, const char *path) {
+/* part: NULL, or the part to be read; part->nparticles 0 on return: the scene is whole */
+static msim_status load_scene(ms_import_nodes *in, const msim_importer *table, const char *path,
+                              ms_scene_part *part) {
   msim_status status = ms_import_nodes_load(in, table, path);
   if (status) return status;
   if (!json_object_get(in->root, "msim") && json_object_get(in->root, "vertices"))
@@ -59,19 +61,43 @@ static msim_status load_scene(ms_import_nodes *in, const msim_importer *table, c
                         "to it by `file`");
   in->root = convert_group(in, in->root);
   if (!in->root) return in->status ? in->status : ms_import_nodes_fail_memory(in);
+  const int is_part = part && ms_import_part_select(in, part);
   status = ms_json_build_scene(&in->reader, (ms_value){.json = in->root, .columns = in->columns});
-  if (!in->failure.status) return status;
+  if (!in->failure.status) {
+    if (!status && is_part) status = ms_import_part_detach(in->reader.scene, part, in->reader.err);
+    if (status) msim_scene_destroy(in->reader.scene);
+    return status;
+  }
   if (!status) msim_scene_destroy(in->reader.scene);
   return ms_error_set(in->reader.err, in->failure.status, "%s", in->failure.text);
 }
 
-msim_status ms_import_scene(const msim_allocator *alloc, const msim_importer *table,
-                            const char *path, msim_scene **scene, msim_error *err) {
+static msim_status import_scene(const msim_allocator *alloc, const msim_importer *table,
+                                const char *path, ms_scene_part *part, msim_scene **scene,
+                                msim_error *err) {
   ms_import_nodes in = {.reader = {.label = path, .alloc = ms_memory_allocator(alloc), .err = err},
                         .in_parts = 1};
-  const msim_status status = load_scene(&in, table, path);
+  const msim_status status = load_scene(&in, table, path, part);
   ms_import_nodes_free(&in);
   if (status) return status;
   *scene = in.reader.scene;
   return ms_error_clear(err);
+}
+
+msim_status ms_import_scene(const msim_allocator *alloc, const msim_importer *table,
+                            const char *path, msim_scene **scene, msim_error *err) {
+  return import_scene(alloc, table, path, NULL, scene, err);
+}
+
+/* Errors number the rows of a part, so that those in the file are named by reading all of it. */
+msim_status ms_import_scene_part(const msim_allocator *alloc, const msim_importer *table,
+                                 const char *path, int32_t rank, int32_t nranks, msim_scene **scene,
+                                 msim_error *err) {
+  ms_scene_part part = {.rank = rank, .nranks = nranks};
+  msim_error of_whole;
+  const msim_status status = import_scene(alloc, table, path, &part, scene, err);
+  if (status != MSIM_ERR_ARG) return status;
+  const msim_status again = import_scene(alloc, table, path, NULL, scene, &of_whole);
+  if (!again) msim_scene_destroy(*scene), *scene = NULL;
+  return again == status ? ms_error_set(err, status, "%s", of_whole.text) : status;
 }

@@ -59,17 +59,30 @@ static size_t count_numbers(int32_t rank, const int64_t *dims) {
   return count;
 }
 
+/* Room for most rows of the column */
+static int provide_room(ms_column *c, size_t most) {
+  ms_import_nodes *in = c->file;
+  const size_t width = count_numbers(c->rank - 1, c->dims + 1), rows = (size_t)c->dims[0];
+  if (!c->data)
+    c->data =
+        ms_memory_allocate(&in->reader.alloc, (rows < most ? rows : most) * width, sizeof(double));
+  if (!c->data)
+    ms_error_set(&in->failure, MSIM_ERR_MEMORY, "%s: out of memory for the scene", in->path);
+  return c->data != NULL;
+}
+
 /* Whole rows, at least one */
 static void read_part(ms_column *c, size_t at) {
   ms_import_nodes *in = c->file;
   ms_plugin_host host;
   msim_node node = {.size = sizeof node, .path = c->path, .kind = c->kind, .rank = c->rank};
-  const size_t width = count_numbers(c->rank - 1, c->dims + 1), rows = (size_t)c->dims[0],
-               first = at / width, most = width < PART ? PART / width : 1,
-               n = rows - first < most ? rows - first : most;
+  const size_t width = count_numbers(c->rank - 1, c->dims + 1),
+               end = c->first / width + (size_t)c->dims[0], first = at / width,
+               most = width < PART ? PART / width : 1, n = end - first < most ? end - first : most;
   c->begin = first * width, c->end = c->begin + n * width;
-  if (in->failure.status) return;
+  if (!provide_room(c, most) || in->failure.status) return;
   memcpy(node.dims, c->dims, sizeof node.dims);
+  node.dims[0] = c->file_rows;
   ms_plugin_init_host(&host, &in->reader.alloc);
   const msim_status status =
       in->table->read(&host.base, in->path, &node, (int64_t)first, (int64_t)n, c->data);
@@ -92,17 +105,16 @@ static json_t *new_column(ms_import_nodes *in, const msim_node *node) {
     return NULL;
   ms_column *c = &in->columns[in->n];
   *c = (ms_column){.kind = node->kind, .rank = node->rank, .end = count};
+  c->file_rows = node->dims[0];
   memcpy(c->dims, node->dims, sizeof c->dims);
   if (has_parts(in, node, count)) {
-    const size_t width = count / (size_t)node->dims[0];
     c->end = 0, c->read = read_part, c->file = in;
     c->path = ms_memory_copy_string(&in->reader.alloc, node->path);
-    c->data = ms_memory_allocate(&in->reader.alloc, width < PART ? PART : width, size);
   } else {
     c->data = ms_memory_allocate(&in->reader.alloc, count + 1, size);
   }
   in->n++; /* also after an error: ms_import_nodes_free frees what is there */
-  return c->data && (c->path || !c->read) ? json_integer(in->n - 1) : NULL;
+  return c->data || c->path ? json_integer(in->n - 1) : NULL;
 }
 
 /* Find the group of the last key of a path, and set *key to that key; NULL: no such group. */

@@ -264,7 +264,7 @@ msim_status ms_json_read_index(const ms_json_reader *r, ms_json_location at, ms_
 
 msim_status ms_json_read_index_rows(const ms_json_reader *r, const char *key, ms_value rows,
                                     int32_t width, int32_t n, int32_t *to) {
-  const int32_t limit = r->scene->data->nparticles;
+  const int32_t limit = ms_scene_count_ends(r->scene->data);
   msim_status status = MSIM_OK;
   for (size_t e = 0; e < (size_t)n && !status; e++) {
     const ms_value row = ms_value_item(rows, e);

@@ -14,6 +14,8 @@ typedef struct ms_json_reader {
   ms_shape *shapes; /* of `objects`; their springs are added after all particles */
   int32_t nshapes;
   int has_files; /* 1: an object refers to another file */
+  int32_t first_particle,
+      nends; /* of a part of the scene: its first particle, and ms_scene.nends */
 } ms_json_reader;
 
 /* A key path and, if they are >= 0, one or two indices: "springs.ij[3][1]". */

@@ -34,8 +34,9 @@ msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene, m
 void msim_scene_destroy(msim_scene *scene) {
   if (!scene) return;
   msim_allocator alloc = scene->data->alloc;
+  if (scene->part) ms_scene_release(scene->part->rows);
   ms_scene_release(scene->data);
-  ms_memory_free(&alloc, scene);
+  MS_FREE(&alloc, scene->part, scene);
 }
 
 /*------------------------------------- copy on write --------------------------------------------*/
@@ -127,11 +128,11 @@ static msim_status check_particle_limit(const ms_scene *s, int32_t n, msim_error
 
 static msim_status check_spring(const ms_scene *s, int64_t e, const int32_t *ij, msim_error *err) {
   for (int end = 0; end < 2; end++)
-    if (ij[end] < 0 || ij[end] >= s->nparticles)
+    if (ij[end] < 0 || ij[end] >= ms_scene_count_ends(s))
       return ms_error_set(
           err, MSIM_ERR_ARG,
           "springs.ij[%lld] refers to particle %d; there are %d particles, counted from 0",
-          (long long)e, ij[end], s->nparticles);
+          (long long)e, ij[end], ms_scene_count_ends(s));
   if (ij[0] == ij[1])
     return ms_error_set(err, MSIM_ERR_ARG,
                         "springs.ij[%lld] connects particle %d to itself; remove this spring",

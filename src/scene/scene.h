@@ -66,6 +66,9 @@ typedef struct ms_scene {
   int32_t nfaces, face_capacity;
   int32_t *faces; /* 3 nfaces: triangles of particles, for viewers and self-contact */
 
+  int32_t nends; /* of the whole scene: springs and faces refer to so many particles, of which the
+                    scene has a part; 0: to its own ones */
+
   int32_t nplanes, plane_capacity;
   msim_plane *planes;
 
@@ -88,12 +91,25 @@ typedef struct ms_scene {
   msim_mesh_repairs repairs; /* of all its meshes */
 } ms_scene;
 
+/* The rows of a scene that one of several ranks has read of its file */
+typedef struct ms_scene_part {
+  ms_scene *rows; /* particles, springs and faces of ms_section_of_rank, nothing else */
+  int32_t rank, nranks;
+  int32_t nparticles, nsprings, nfaces; /* of the whole scene */
+} ms_scene_part;
+
 struct msim_scene {
   ms_scene *data;
+  ms_scene_part *part; /* NULL: data has all; else data has no particles, springs and faces */
 };
 
 ms_scene *ms_scene_retain(ms_scene *scene); /* increments the number of references */
 void ms_scene_release(ms_scene *scene);     /* decrements it, frees the data at 0; accepts NULL */
+
+/* The number of particles that springs and faces may refer to */
+static inline int32_t ms_scene_count_ends(const ms_scene *s) {
+  return s->nends ? s->nends : s->nparticles;
+}
 
 /* 1: the program computes forces, which have these flags. */
 static inline int ms_scene_has_function(const ms_scene *s) {

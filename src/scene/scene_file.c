@@ -52,8 +52,8 @@ static msim_status load_json(const msim_allocator *alloc, FILE *file, const char
   return status;
 }
 
-msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_scene **scene,
-                            msim_error *err) {
+static msim_status load_file(const msim_allocator *alloc, const char *path, int32_t rank,
+                             int32_t nranks, msim_scene **scene, msim_error *err) {
   if (scene) *scene = NULL;
   if (!scene || !path) return ms_error_set(err, MSIM_ERR_ARG, "scene or path is NULL");
   msim_status status = ms_memory_check_allocator(alloc, err);
@@ -65,10 +65,26 @@ msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_
   msim_error why;
   status = ms_importers_find(path, &a, &importer, &why);
   if (status) ms_error_set(err, status, "%s: %s", path, why.text);
+  else if (importer && nranks > 1)
+    status = ms_import_scene_part(alloc, importer, path, rank, nranks, scene, err);
   else if (importer) status = ms_import_scene(alloc, importer, path, scene, err);
   else status = load_json(alloc, file, path, why.text, scene, err);
   fclose(file);
   return status;
+}
+
+msim_status msim_scene_load(const msim_allocator *alloc, const char *path, msim_scene **scene,
+                            msim_error *err) {
+  return load_file(alloc, path, 0, 1, scene, err);
+}
+
+msim_status msim_scene_load_part(const msim_allocator *alloc, const char *path, int32_t rank,
+                                 int32_t nranks, msim_scene **scene, msim_error *err) {
+  if (scene) *scene = NULL;
+  if (rank < 0 || rank >= nranks)
+    return ms_error_set(err, MSIM_ERR_ARG, "rank %d of %d ranks is not in [0, %d)", rank, nranks,
+                        nranks);
+  return load_file(alloc, path, rank, nranks, scene, err);
 }
 
 /*------------------------------------- save -----------------------------------------------------*/

@@ -49,18 +49,31 @@ static msim_status read_indices(const ms_json_reader *r, const char *key, ms_val
   return status;
 }
 
-static msim_status read_pinned_particles(const ms_json_reader *r, ms_value value, int32_t limit) {
+/* Of particles of the whole scene those that this one has; returns their number. */
+static int32_t select_particles(const ms_json_reader *r, int32_t n, int32_t *list) {
+  int32_t k = 0;
+  for (int32_t i = 0; i < n; i++) {
+    const int32_t p = list[i] - r->first_particle;
+    if (p >= 0 && p < r->scene->data->nparticles) list[k++] = p;
+  }
+  return k;
+}
+
+static msim_status read_pinned_particles(const ms_json_reader *r, ms_value value) {
+  const int32_t limit = ms_scene_count_ends(r->scene->data);
   int32_t n, *list = NULL;
   msim_status status = read_indices(r, "particles.pinned", value, limit, &n, &list);
+  if (!status) n = select_particles(r, n, list);
   if (!status)
     status = ms_json_forward_error(r, "particles.", msim_scene_pin(r->scene, n, list, r->err));
   ms_memory_free(&r->alloc, list);
   return status;
 }
 
-/* Free what has been read before the scene gets it. */
-static void release_all(const ms_json_reader *r, const ms_value values[4]) {
-  for (int i = 0; i < 4; i++) ms_value_release(values[i], &r->alloc);
+/* Free the numbers that have just been read: no array is there twice. */
+static msim_status release(const ms_json_reader *r, ms_value value, msim_status status) {
+  ms_value_release(value, &r->alloc);
+  return status;
 }
 
 static msim_status add_listed_particles(const ms_json_reader *r, ms_value section, ms_value x,
@@ -71,17 +84,18 @@ static msim_status add_listed_particles(const ms_json_reader *r, ms_value sectio
   const ms_value v = ms_value_member(section, keys[MS_KEY_V].key),
                  pinned = ms_value_member(section, keys[MS_KEY_PINNED].key),
                  force = ms_value_member(section, keys[MS_KEY_FORCE].key);
-  msim_status status = ms_json_read_rows(r, "particles.x", x, n, room);
-  if (!status && v.json) status = ms_json_read_rows(r, "particles.v", v, n, at_v);
+  msim_status status = release(r, x, ms_json_read_rows(r, "particles.x", x, n, room));
+  if (!status && v.json) status = release(r, v, ms_json_read_rows(r, "particles.v", v, n, at_v));
   if (!status)
-    status = ms_json_read_each(r, "particles.mass", mass, keys[MS_KEY_MASS].range, n, at_mass);
-  if (!status && force.json) status = ms_json_read_rows(r, "particles.force", force, n, at_force);
+    status = release(
+        r, mass, ms_json_read_each(r, "particles.mass", mass, keys[MS_KEY_MASS].range, n, at_mass));
+  if (!status && force.json)
+    status = release(r, force, ms_json_read_rows(r, "particles.force", force, n, at_force));
   if (status) return status;
-  release_all(r, (ms_value[]){x, v, mass, force});
   status = msim_scene_add_particles(r->scene, n, room, at_v, at_mass, r->err);
   if (!status && force.json) status = msim_scene_set_forces(r->scene, at_force, r->err);
   if (status || !pinned.json) return ms_json_forward_error(r, "", status);
-  return read_pinned_particles(r, pinned, n);
+  return read_pinned_particles(r, pinned);
 }
 
 static msim_status read_particles(ms_json_reader *r, const char *path, ms_value section) {
@@ -113,16 +127,21 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
   ms_scene *s = r->scene->data;
   const size_t at = (size_t)s->nsprings;
   if (n) memset(s->damping + at, 0, (size_t)n * sizeof *s->damping);
-  status =
-      ms_json_read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, s->ij + 2 * at);
-  if (!status) status = ms_json_read_each(r, "springs.k", k, keys[MS_KEY_K].range, n, s->k + at);
+  status = release(
+      r, pairs,
+      ms_json_read_index_rows(r, "springs.ij", pairs, keys[MS_KEY_IJ].count, n, s->ij + 2 * at));
+  if (!status)
+    status =
+        release(r, k, ms_json_read_each(r, "springs.k", k, keys[MS_KEY_K].range, n, s->k + at));
   if (!status && rest.json)
-    status = ms_json_read_each(r, "springs.rest", rest, keys[MS_KEY_REST].range, n, s->rest + at);
+    status = release(
+        r, rest,
+        ms_json_read_each(r, "springs.rest", rest, keys[MS_KEY_REST].range, n, s->rest + at));
   if (!status && damping.json)
-    status = ms_json_read_each(r, "springs.damping", damping, keys[MS_KEY_DAMPING].range, n,
-                               s->damping + at);
+    status = release(r, damping,
+                     ms_json_read_each(r, "springs.damping", damping, keys[MS_KEY_DAMPING].range, n,
+                                       s->damping + at));
   if (status) return status;
-  release_all(r, (ms_value[]){pairs, k, rest, damping});
   return ms_json_forward_error(r, "", ms_scene_end_springs(s, n, rest.json != NULL, r->err));
 }
 
@@ -311,6 +330,7 @@ msim_status ms_json_build_scene(ms_json_reader *r, ms_value root) {
   msim_status status =
       ms_json_forward_error(r, "", msim_scene_create(&r->alloc, &r->scene, r->err));
   if (status) return status;
+  r->scene->data->nends = r->nends;
   status = read_root(r, root);
   for (int32_t i = 0; i < r->nshapes && r->shapes; i++)
     ms_objects_free_shape(&r->alloc, &r->shapes[i]);

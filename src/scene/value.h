@@ -16,7 +16,9 @@ typedef struct ms_column {
   int32_t rank;
   int64_t dims[MSIM_NODE_MOST_DIMS];
   void *data;
-  size_t begin, end; /* the numbers that `data` has: all, or a part of them */
+  int64_t file_rows; /* of which the column has dims[0] */
+  size_t first;      /* the number of the file that is its first one */
+  size_t begin, end; /* the numbers of the file that `data` has: all, or a part of them */
   void (*read)(struct ms_column *column, size_t at); /* gets the part with number `at`; or NULL */
   void *file;                                        /* where from */
   char *path;
@@ -41,6 +43,9 @@ int ms_value_is_whole(ms_value v);
 double ms_value_number(ms_value v);
 int64_t ms_value_whole(ms_value v);
 const char *ms_value_text(ms_value v);
+
+/* The column of a value that is one in itself; NULL: it is not. */
+ms_column *ms_value_column(ms_value v);
 
 /* Free the numbers of a column, which are not read again: they may take as much memory as the
  * scene. */

@@ -23,7 +23,7 @@ static msim_status check_method(const msim_sim *sim, msim_error *err) {
 }
 
 msim_status ms_breaking_prepare(msim_sim *sim, msim_error *err) {
-  msim_scene own = {sim->scene};
+  msim_scene own = {.data = sim->scene};
   if (!ms_scene_breaks(sim->scene)) return MSIM_OK;
   msim_status status = check_method(sim, err);
   if (status) return status;

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "scene/scene_data.h"
+#include "sim/rank_gather.h"
 #include "sim/rank_section.h"
 #include "sim/reuse.h"
 
@@ -117,10 +118,23 @@ void ms_rank_scene_trim(msim_sim *sim) {
   } else MS_FREE(&s->alloc, x, v);
 }
 
+ms_rank_scene *ms_rank_scene_create(const msim_allocator *alloc, int32_t nranks, int32_t nparticles,
+                                    int32_t nsprings, int32_t nfaces) {
+  ms_rank_scene *kept = ms_memory_allocate(alloc, 1, sizeof *kept);
+  if (!kept) return NULL;
+  kept->nparticles = nparticles, kept->nsprings = nsprings, kept->nfaces = nfaces;
+  if (MS_NEW(alloc, kept->lengths, nranks) && MS_NEW(alloc, kept->send_bytes, nranks) &&
+      MS_NEW(alloc, kept->receive_bytes, nranks))
+    return kept;
+  ms_rank_scene_destroy(alloc, kept);
+  return NULL;
+}
+
 void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept) {
   if (!kept) return;
   ms_scene_release(kept->slice);
-  MS_FREE(alloc, kept->particle, kept->spring, kept->owner, kept);
+  MS_FREE(alloc, kept->particle, kept->spring, kept->owner, kept->send_bytes, kept->receive_bytes,
+          kept->lengths, kept);
 }
 
 /* Replace the scene of the sim, whose model gets other numbers. */
@@ -134,9 +148,8 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err) {
   if (!may_divide(sim)) return MSIM_OK;
   const ms_scene *s = sim->scene;
   ms_edit_map map = {0};
-  ms_rank_scene *kept = ms_memory_allocate(&sim->alloc, 1, sizeof *kept);
-  if (kept)
-    kept->nparticles = s->nparticles, kept->nsprings = s->nsprings, kept->nfaces = s->nfaces;
+  ms_rank_scene *kept =
+      ms_rank_scene_create(&sim->alloc, sim->ranks->n, s->nparticles, s->nsprings, s->nfaces);
   ms_scene *own = kept ? cut_model_scene(sim, kept, &map) : NULL;
   const int fits = own && cut_slice(sim, kept);
   msim_status status =
@@ -157,86 +170,6 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err) {
 
 /*------------------------------------- gathering ------------------------------------------------*/
 
-enum { ALL_RANKS = -1, TOPOLOGY_FIELDS = 3, MOST_FIELDS = 10 };
-
-/* An array of a scene */
-typedef enum element { PARTICLES, SPRINGS, FACES } element;
-typedef struct field {
-  element of;
-  size_t size; /* bytes an element */
-  void *data;
-  int has_numbers; /* of particles */
-} field;
-
-/* The same ones for a slice and the whole scene, the topology first; returns their number. */
-static int list_fields(const ms_scene *s, field f[MOST_FIELDS]) {
-  const size_t real = sizeof(double), number = sizeof(int32_t);
-  const field list[MOST_FIELDS] = {
-      {SPRINGS, 2 * number, s->ij, 1}, {FACES, 3 * number, s->faces, 1},
-      {PARTICLES, 1, s->pinned, 0},    {PARTICLES, 3 * real, s->x, 0},
-      {PARTICLES, 3 * real, s->v, 0},  {PARTICLES, real, s->mass, 0},
-      {SPRINGS, real, s->k, 0},        {SPRINGS, real, s->rest, 0},
-      {SPRINGS, real, s->damping, 0},  {PARTICLES, 3 * real, s->force, 0}};
-  memcpy(f, list, sizeof list);
-  return s->force ? MOST_FIELDS : MOST_FIELDS - 1;
-}
-
-static int64_t count_elements(const ms_section *s, element of) {
-  return of == PARTICLES ? s->n : of == SPRINGS ? s->nsprings : s->nfaces;
-}
-
-/* Numbers of particles in the slice become those in the whole scene. */
-static const void *number_ends(const ms_rank_scene *kept, const field *f, int32_t *scratch) {
-  const int64_t n = count_elements(&kept->is, f->of) * (int64_t)(f->size / sizeof *scratch);
-  const int32_t *end = f->data;
-  if (!kept->has_rows || !f->has_numbers) return end;
-  for (int64_t i = 0; i < n; i++) scratch[i] = ms_section_particle(&kept->is, (size_t)end[i]);
-  return scratch;
-}
-
-/* The sections of an array of all ranks, to all of them or to one. whole: has the counts of the
- * whole scene; scratch: room for the ends of own springs or faces */
-static void gather_field(const msim_sim *sim, const ms_scene *whole, int32_t root, const field *f,
-                         int32_t *scratch, void *all) {
-  const ms_rank_part *part = sim->part;
-  const int32_t n = sim->ranks->n, rank = sim->ranks->rank;
-  const void *mine = number_ends(sim->kept, f, scratch);
-  for (int32_t r = 0; r < n; r++) {
-    const ms_section s = ms_section_of_rank(whole, r, n);
-    const int64_t bytes = count_elements(&s, f->of) * (int64_t)f->size;
-    part->receive_bytes[r] = root == ALL_RANKS || rank == root ? bytes : 0;
-    part->next[r] = bytes;
-  }
-  if (root == ALL_RANKS) {
-    ms_ranks_gather_parts(sim->ranks, part->receive_bytes, mine, all);
-    return;
-  }
-  for (int32_t r = 0; r < n; r++) part->send_bytes[r] = r == root ? part->next[rank] : 0;
-  ms_ranks_all_to_all(sim->ranks, part->send_bytes, mine, part->receive_bytes, all);
-}
-
-/* Of the first n fields, to a scene that has the counts of the whole one, and on `root` room for
- * them, if `fits`. Collective */
-static msim_status gather_fields(const msim_sim *sim, int32_t root, int n, ms_scene *to, int fits,
-                                 msim_error *err) {
-  const ms_section *is = &sim->kept->is;
-  const int64_t ends = 2 * (int64_t)is->nsprings, corners = 3 * (int64_t)is->nfaces;
-  field mine[MOST_FIELDS], all[MOST_FIELDS];
-  int32_t *scratch = NULL;
-  fits = fits && MS_NEW(&sim->alloc, scratch, ends > corners ? ends : corners);
-  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the whole scene");
-  status = ms_ranks_agree(sim->ranks, status, err);
-  if (!status) {
-    const int count = list_fields(sim->kept->slice, mine);
-    list_fields(to, all);
-    for (int i = 0; i < n && i < count; i++)
-      gather_field(sim, to, root, &mine[i], scratch, all[i].data);
-    status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
-  }
-  ms_memory_free(&sim->alloc, scratch);
-  return status;
-}
-
 static ms_scene *create_whole(const ms_rank_scene *kept) {
   return ms_scene_data_create_like(kept->slice, kept->nparticles, kept->nsprings, kept->nfaces,
                                    NULL);
@@ -253,9 +186,9 @@ static void move_source(ms_scene *from, ms_scene *to) {
   to->source = from->source, from->source = NULL;
 }
 
-static void gather_owners(const msim_sim *sim, const ms_scene *whole, int32_t *owner) {
-  const field f = {PARTICLES, sizeof *owner, sim->kept->owner, 0};
-  gather_field(sim, whole, ALL_RANKS, &f, NULL, owner);
+static void gather_owners(const msim_sim *sim, int32_t *owner) {
+  const ms_field f = {MS_PARTICLES, sizeof *owner, sim->kept->owner, 0};
+  ms_rank_gather_field(sim->ranks, sim->kept, MS_ALL_RANKS, &f, NULL, owner);
 }
 
 msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err) {
@@ -263,9 +196,10 @@ msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err) {
   if (!kept) return MSIM_OK;
   ms_scene *whole = create_whole(kept);
   const int fits = whole && ms_rank_part_provide_whole(whole, sim->part);
-  msim_status status = gather_fields(sim, ALL_RANKS, MOST_FIELDS, whole, fits, err);
+  msim_status status =
+      ms_rank_gather_fields(sim->ranks, kept, MS_ALL_RANKS, MS_MOST_FIELDS, whole, fits, err);
   if (!status) {
-    gather_owners(sim, whole, sim->part->owner);
+    gather_owners(sim, sim->part->owner);
     status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
   }
   if (status) {
@@ -285,7 +219,8 @@ msim_status ms_rank_scene_borrow(const msim_sim *sim, ms_scene **whole, msim_err
   if (!kept) *whole = ms_scene_retain(sim->scene);
   if (!kept) return MSIM_OK;
   *whole = sim->ranks->rank == 0 ? create_whole(kept) : create_counts(kept);
-  const msim_status status = gather_fields(sim, 0, MOST_FIELDS, *whole, *whole != NULL, err);
+  const msim_status status =
+      ms_rank_gather_fields(sim->ranks, kept, 0, MS_MOST_FIELDS, *whole, *whole != NULL, err);
   if (!status) move_source(kept->slice, *whole);
   return status;
 }
@@ -306,18 +241,17 @@ msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topolo
   const int fits = s && MS_NEW(&s->alloc, s->ij, 2 * (size_t)kept->nsprings) &&
                    MS_NEW(&s->alloc, s->faces, 3 * (size_t)kept->nfaces) &&
                    MS_NEW(&s->alloc, s->pinned, kept->nparticles);
-  return gather_fields(sim, ALL_RANKS, TOPOLOGY_FIELDS, s, fits, err);
+  return ms_rank_gather_fields(sim->ranks, kept, MS_ALL_RANKS, MS_TOPOLOGY_FIELDS, s, fits, err);
 }
 
-msim_status ms_rank_scene_gather_owners(const msim_sim *sim, const ms_scene *topology,
-                                        int32_t **owner, msim_error *err) {
+msim_status ms_rank_scene_gather_owners(const msim_sim *sim, int32_t **owner, msim_error *err) {
   *owner = sim->part->owner;
   if (!sim->kept) return MSIM_OK;
   const int fits = MS_NEW(&sim->alloc, *owner, sim->kept->nparticles) != NULL;
   const msim_status status = ms_ranks_agree(
       sim->ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame"), err);
   if (status) return status;
-  gather_owners(sim, topology, *owner);
+  gather_owners(sim, *owner);
   return ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
 
@@ -326,11 +260,12 @@ void ms_rank_scene_free_owners(const msim_sim *sim, int32_t *owner) {
 }
 
 /* What the section has of an array of the whole scene */
-static void pick_rows(const ms_section *is, const field *f, const unsigned char *all, int32_t n) {
+static void pick_rows(const ms_section *is, const ms_field *f, const unsigned char *all,
+                      int32_t n) {
   unsigned char *to = f->data;
   for (int32_t i = 0; i < n; i++) {
     const int32_t from =
-        f->of == PARTICLES ? ms_section_particle(is, (size_t)i) : ms_section_spring(is, i);
+        f->of == MS_PARTICLES ? ms_section_particle(is, (size_t)i) : ms_section_spring(is, i);
     memcpy(to + (size_t)i * f->size, all + (size_t)from * f->size, f->size);
   }
 }
@@ -340,24 +275,23 @@ static void number_rows(const ms_section *is, int64_t n, int32_t *end) {
 }
 
 /* all: room for any array of the whole scene */
-static void fill_rows(const msim_sim *sim, const ms_section *is, const ms_scene *topology,
-                      unsigned char *all, ms_scene *slice) {
+static void fill_rows(const msim_sim *sim, const ms_section *is, unsigned char *all,
+                      ms_scene *slice) {
   const ms_rank_scene *kept = sim->kept;
-  field mine[MOST_FIELDS], to[MOST_FIELDS];
-  const int count = list_fields(kept->slice, mine);
-  list_fields(slice, to);
+  ms_field mine[MS_MOST_FIELDS], to[MS_MOST_FIELDS];
+  const int count = ms_rank_gather_list(kept->slice, mine);
+  ms_rank_gather_list(slice, to);
   for (int i = 0; i < count; i++) {
-    if (mine[i].of == FACES) continue;
-    gather_field(sim, topology, ALL_RANKS, &mine[i], NULL, all);
-    pick_rows(is, &to[i], all, to[i].of == PARTICLES ? slice->nparticles : slice->nsprings);
+    if (mine[i].of == MS_FACES) continue;
+    ms_rank_gather_field(sim->ranks, kept, MS_ALL_RANKS, &mine[i], NULL, all);
+    pick_rows(is, &to[i], all, to[i].of == MS_PARTICLES ? slice->nparticles : slice->nsprings);
   }
   if (slice->nfaces) memcpy(slice->faces, kept->slice->faces, 3 * (size_t)slice->nfaces * 4);
   number_rows(is, 3 * (int64_t)slice->nfaces, slice->faces);
   number_rows(is, 2 * (int64_t)slice->nsprings, slice->ij);
 }
 
-msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *is, const ms_scene *topology,
-                                 msim_error *err) {
+msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *is, msim_error *err) {
   ms_rank_scene *kept = sim->kept;
   if (!kept) return MSIM_OK;
   unsigned char *all = NULL;
@@ -369,7 +303,7 @@ msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *is, const ms_s
   msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame");
   status = ms_ranks_agree(sim->ranks, status, err);
   if (!status) {
-    fill_rows(sim, is, topology, all, slice);
+    fill_rows(sim, is, all, slice);
     status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
   }
   ms_memory_free(&sim->alloc, all);

@@ -8,7 +8,7 @@
 #ifndef MS_RANK_SCENE_H
 #define MS_RANK_SCENE_H
 
-#include "layout/section.h"
+#include "scene/section.h"
 #include "sim/sim.h"
 
 typedef struct ms_rank_scene {
@@ -20,7 +20,13 @@ typedef struct ms_rank_scene {
   ms_section rows; /* the same in those of the slice, which are rows of the section */
   int has_rows;    /* 0: the sim has no section for output: the slice has no other particles, and
                       its springs and faces refer to numbers of the whole scene */
+  int64_t *lengths, *send_bytes, *receive_bytes; /* nranks: scratch */
 } ms_rank_scene;
+
+/* One without arrays; NULL: out of memory. */
+ms_rank_scene *ms_rank_scene_create(const msim_allocator *alloc, int32_t nranks, int32_t nparticles,
+                                    int32_t nsprings, int32_t nfaces);
+void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
 
 /* Keep only the parts of this rank, where several ranks share a scene that needs no more; its
  * arrays have been hashed (sim->scene_hashes). Collective; on failure nothing changes. */
@@ -41,19 +47,15 @@ msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topolo
 
 /* The owner of each particle of the whole scene: those of sim->part, or else a copy to be freed by
  * ms_rank_scene_free_owners, also after an error. Collective */
-msim_status ms_rank_scene_gather_owners(const msim_sim *sim, const ms_scene *topology,
-                                        int32_t **owner, msim_error *err);
+msim_status ms_rank_scene_gather_owners(const msim_sim *sim, int32_t **owner, msim_error *err);
 void ms_rank_scene_free_owners(const msim_sim *sim, int32_t *owner);
 
 /* Let the slice have the other particles and springs of a section, too. Collective; on failure
  * nothing changes. */
-msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *section, const ms_scene *topology,
-                                 msim_error *err);
+msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *section, msim_error *err);
 
 /* Free x and v of other rows, of which the section has copies. */
 void ms_rank_scene_trim(msim_sim *sim);
-
-void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
 
 /* Of the whole scene, and the number in it of a particle or spring of the model */
 static inline int32_t ms_rank_scene_count_particles(const msim_sim *sim) {

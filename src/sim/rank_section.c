@@ -125,14 +125,14 @@ msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
   ms_scene *topology;
   if (sim->section) return MSIM_OK;
   msim_status status = ms_rank_scene_gather_topology(sim, &topology, err);
-  if (!status) status = ms_rank_scene_gather_owners(sim, topology, &q.owner, err);
+  if (!status) status = ms_rank_scene_gather_owners(sim, &q.owner, err);
   if (!status) {
     MS_NEW(alloc, sim->section, 1);
     status = connect(sim, topology, sim->section, &q, err);
     MS_FREE(alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
   }
   ms_rank_scene_free_owners(sim, q.owner);
-  if (!status) status = ms_rank_scene_extend(sim, &sim->section->is, topology, err);
+  if (!status) status = ms_rank_scene_extend(sim, &sim->section->is, err);
   ms_scene_release(topology);
   if (status) ms_rank_section_destroy(sim);
   else ms_rank_section_copy(sim, ms_rank_section_scene(sim)->x, ms_rank_section_scene(sim)->v);

@@ -6,7 +6,7 @@
 #define MS_RANK_SECTION_H
 
 #include "base/buckets.h"
-#include "layout/section.h"
+#include "scene/section.h"
 #include "sim/rank_scene.h"
 
 typedef struct ms_rank_section {

@@ -10,6 +10,7 @@
 #include "sim/breaking.h"
 #include "sim/precision_check.h"
 #include "sim/self_contact_prepare.h"
+#include "sim/rank_load.h"
 #include "sim/rank_section.h"
 #include "sim/rank_sim.h"
 #include "contact/reflection.h"
@@ -269,14 +270,19 @@ static msim_status start_created(msim_sim *sim, msim_error *err) {
 msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
                           msim_sim **sim, msim_error *err) {
   *sim = NULL;
-  ms_scene *data = scene->data;
   msim_options full;
-  ms_ranks *ranks;
+  ms_ranks *ranks = NULL;
+  ms_scene *whole;
   msim_sim *s = NULL;
-  if (data->nparticles == 0) return ms_error_set(err, MSIM_ERR_ARG, "the scene has no particles");
+  if (scene->data->nparticles == 0 && !scene->part)
+    return ms_error_set(err, MSIM_ERR_ARG, "the scene has no particles");
   msim_status status = ms_options_copy(opt, &full, err);
-  if (!status) status = ms_rank_sim_join(full.comm, &data->alloc, &ranks, err);
-  if (!status) status = create_prepared(data, ranks, opt, choose, &s, err);
+  if (!status) status = ms_rank_sim_join(full.comm, &scene->data->alloc, &ranks, err);
+  if (status) return status;
+  status = ms_rank_load_scene(scene, ranks, &whole, err);
+  if (status) ms_ranks_destroy(&scene->data->alloc, ranks);
+  else status = create_prepared(whole, ranks, opt, choose, &s, err);
+  ms_scene_release(whole);
   if (!status) status = start_created(s, err);
   if (status) {
     msim_sim_destroy(s);

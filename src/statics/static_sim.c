@@ -49,7 +49,7 @@ static msim_status choose_solver(const msim_sim *of, int kind, msim_options *opt
 msim_status ms_static_sim_create(msim_sim *of, int kind, msim_sim **sim, msim_error *err) {
   const msim_options *from = &of->config.opt;
   msim_state now = {.size = sizeof now};
-  msim_scene scene = {NULL};
+  msim_scene scene = {.data = NULL};
   msim_options opt;
   *sim = NULL;
   msim_options_init(&opt, sizeof opt);

@@ -9,8 +9,10 @@ static int number_of(const char *variable, int otherwise) {
 }
 
 /* Open MPI and others by PMI tell the number of ranks; PMIX_RANK only that there may be several. */
+int mpirun_size(void) { return number_of("OMPI_COMM_WORLD_SIZE", number_of("PMI_SIZE", 0)); }
+
 int mpirun_may_be_several(void) {
-  const int n = number_of("OMPI_COMM_WORLD_SIZE", number_of("PMI_SIZE", 0));
+  const int n = mpirun_size();
   return n > 1 || (n == 0 && getenv("PMIX_RANK") != NULL);
 }
 

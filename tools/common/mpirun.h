@@ -5,6 +5,9 @@
 /* 1: mpirun has started this program, and may have started several processes. */
 int mpirun_may_be_several(void);
 
+/* The number of processes that mpirun has started; 0: unknown */
+int mpirun_size(void);
+
 /* The rank of this process, 0 if there is one. */
 int mpirun_rank(void);
 

@@ -93,6 +93,10 @@ double ranks_maximum(double value) {
 
 int ranks_has_files(void) { return ranks.rank == 0; }
 
+int ranks_number(void) { return ranks.rank; }
+
+int ranks_count(void) { return ranks.comm ? ranks.n : 1; }
+
 /*------------------------------------- joining --------------------------------------------------*/
 
 /* FNV-1a of 64 bits */
@@ -138,8 +142,9 @@ static int compare_inputs(void) {
   return EXIT_OK;
 }
 
-static int open_comm(const arguments *args) {
+int ranks_open(const arguments *args) {
   msim_error err;
+  if (!ranks.several) return EXIT_OK;
   if (msim_comm_open("mpi", NULL, args->options.plugin_path, &ranks.comm, &err))
     return report_error("%s", err.text);
   ranks.n = ranks.comm->nranks, ranks.rank = ranks.comm->rank;
@@ -152,7 +157,6 @@ static int open_comm(const arguments *args) {
 
 int ranks_join(const arguments *args, int status, const msim_comm **comm) {
   if (!ranks.several) return status;
-  if (open_comm(args)) return EXIT_ERROR;
   ranks.own.inputs = hash_inputs(args);
   status = ranks_agree(status);
   if (ranks.rank == 0) message_keep(NULL, 0); /* its messages name no rank from now on */

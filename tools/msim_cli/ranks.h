@@ -11,10 +11,17 @@
 /* Before anything is printed: mute all ranks but 0. */
 void ranks_begin(void);
 
-/* Open the plugin `mpi`, and refuse command lines and files that differ between ranks. status: of
- * loading the scene on this rank. *comm: for the options of the sim, NULL if there is one rank.
- * Returns the status that all share. */
+/* Open the plugin `mpi`. */
+int ranks_open(const arguments *args);
+
+/* Refuse command lines and files that differ between ranks, after ranks_open. status: of loading
+ * the scene on this rank. *comm: for the options of the sim, NULL if there is one rank. Returns the
+ * status that all share. */
 int ranks_join(const arguments *args, int status, const msim_comm **comm);
+
+/* The number of this rank, and how many there are: 0 and 1 before ranks_open and in one process */
+int ranks_number(void);
+int ranks_count(void);
 
 /* 1: this process prints and writes files. */
 int ranks_has_files(void);

@@ -8,11 +8,13 @@
 #include "../common/clock.h"
 #include "../common/files.h"
 #include "../common/message.h"
+#include "../common/mpirun.h"
 #include "final.h"
 #include "mesh_note.h"
 #include "progress.h"
 #include "ranks.h"
 #include "report.h"
+#include "scene_precheck.h"
 #include "setup.h"
 #include "stopping.h"
 #include "tables.h"
@@ -64,22 +66,37 @@ static void find_end(run *r) {
                                                     : r->first.step + plan.steps;
 }
 
-/* Several ranks keep parts of the scene (docs/ranks.md): let the arrays of the file go, unless
- * --final or a table refers to them. */
-static void release_scene(run *r) {
-  const arguments *args = r->args;
+/* 1: --final or a table refers to the arrays of the whole scene. */
+static int needs_scene(const arguments *args) {
   int nusers = args->final != NULL;
   for (int i = 0; i < NTABLES; i++) nusers += i != TABLE_ENERGIES && args->tables[i];
-  if (!r->made.options.comm || nusers > 0) return;
+  return nusers > 0;
+}
+
+/* Several ranks keep parts of the scene (docs/ranks.md): let the arrays of the file go. */
+static void release_scene(run *r) {
+  if (!r->made.options.comm || needs_scene(r->args)) return;
   setup_free(&r->made);
   r->made.scene = NULL;
+}
+
+/* Each of several ranks reads a part. The check starts a process, which MPI may not support later.
+ */
+static int load_scene(run *r) {
+  const arguments *args = r->args;
+  const int whole = needs_scene(args), n = mpirun_size(), divides = !whole && n > 1;
+  int status = precheck_scene(args->scene, divides ? mpirun_rank() : 0, divides ? n : 1);
+  if (ranks_open(args)) return EXIT_ERROR;
+  if (!status)
+    status = setup_read(args, whole ? 0 : ranks_number(), whole ? 1 : ranks_count(), &r->made);
+  return ranks_join(args, status, &r->made.options.comm);
 }
 
 static int make_sim(run *r) {
   const arguments *args = r->args;
   msim_options *options = &r->made.options;
   msim_error err;
-  if (ranks_join(args, setup_load(args, &r->made), &options->comm)) return EXIT_ERROR;
+  if (load_scene(r)) return EXIT_ERROR;
   if (!options->integrator)
     return report_usage_error("run",
                               "no integrator is given, neither on the command line nor in the "

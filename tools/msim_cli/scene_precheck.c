@@ -27,7 +27,7 @@ static int mentions_mesh(const char *path) {
   return !word[matched];
 }
 
-int precheck_scene(const char *path) {
+int precheck_scene(const char *path, int rank, int nranks) {
   const int is_hdf5 = has_extension(path, ".h5");
   if (!is_hdf5 && !mentions_mesh(path)) return EXIT_OK;
   const pid_t child = fork();
@@ -36,7 +36,7 @@ int precheck_scene(const char *path) {
     msim_scene *scene;
     setrlimit(RLIMIT_CPU, &seconds);
     if (!freopen("/dev/null", "w", stderr)) fclose(stderr); /* of failed assertions in libraries */
-    msim_scene_load(NULL, path, &scene, NULL);
+    msim_scene_load_part(NULL, path, rank, nranks, &scene, NULL);
     _exit(EXIT_OK); /* the parent reports errors of the scene */
   }
   int how = 0;

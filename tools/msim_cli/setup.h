@@ -12,6 +12,9 @@ typedef struct setup {
 /* Load the scene and find its options, which may lack an integrator. Prints errors. Call
  * setup_free always. */
 int setup_load(const arguments *args, setup *made);
+
+/* The same after precheck_scene, of one of several ranks (msim_scene_load_part) */
+int setup_read(const arguments *args, int rank, int nranks, setup *made);
 void setup_free(setup *made);
 
 /* Print the library's error, and return the exit status for it. */

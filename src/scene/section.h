@@ -25,6 +25,13 @@ enum { MS_POTENTIAL_BATCH = 64 };
 /* The section of `rank`, one of nranks as equal as possible; without others. */
 ms_section ms_section_of_rank(const ms_scene *scene, int32_t rank, int32_t nranks);
 
+/* That of the rank that has read a part of a scene file */
+static inline ms_section ms_section_of_part(const ms_scene_part *part) {
+  const ms_scene counts = {
+      .nparticles = part->nparticles, .nsprings = part->nsprings, .nfaces = part->nfaces};
+  return ms_section_of_rank(&counts, part->rank, part->nranks);
+}
+
 static inline ms_section ms_section_whole(const ms_scene *scene) {
   return ms_section_of_rank(scene, 0, 1);
 }

@@ -1,4 +1,4 @@
-#include "layout/section.h"
+#include "scene/section.h"
 
 /* Parts of equal size begin at these of n items, for rank nranks at n. */
 static int64_t part_begin(int64_t n, int32_t rank, int32_t nranks) {
