@@ -5,152 +5,155 @@
 #include "layout/bisection.h"
 #include "layout/whole_order.h"
 
-/* What rank 0 sends, in the order of ranks; empty on the others */
-typedef struct messages {
-  int32_t *position;
-  uint8_t *is_split;
-} messages;
+/* What rank 0 has of the whole scene; empty on the others */
+typedef struct source {
+  const ms_scene *scene;
+  const int32_t *owner;
+  const ms_whole_order *whole;
+} source;
 
 static int is_root(const ms_rank_part *part) { return part->ranks->rank == 0; }
 
-/*------------------------------------- lengths --------------------------------------------------*/
+/*------------------------------------- messages -------------------------------------------------*/
 
-/* count: nranks: half-edges of the own particles of each rank. Returns their sum. */
-static int64_t count_half_edges(const ms_scene *s, const ms_rank_part *part, int64_t *count) {
-  int64_t sum = 0;
-  for (int32_t r = 0; r < part->ranks->n; r++) count[r] = 0;
-  for (size_t h = 0; h < 2 * (size_t)s->nsprings; h++) {
-    const int32_t owner = part->owner[s->ij[h]];
-    if (owner != MS_NO_OWNER) count[owner]++, sum++;
+/* Write items of all ranks, those of rank r from next[r] on. */
+typedef void fill_items(const source *from, int64_t *next, void *items);
+
+static int64_t count_unknowns(const source *from) {
+  const ms_whole_islands *all = &from->whole->islands;
+  return all->first[all->n];
+}
+
+static void fill_particles(const source *from, int64_t *next, void *items) {
+  for (int64_t k = 0; k < count_unknowns(from); k++) {
+    const int32_t p = from->whole->islands.particle[k];
+    ((int32_t *)items)[next[from->owner[p]]++] = p;
   }
-  return sum;
 }
 
-/* count: nranks: own particles. Returns their sum. */
-static int64_t count_particles(const ms_rank_part *part, int64_t *count) {
-  int64_t sum = 0;
-  for (int32_t r = 0; r < part->ranks->n; r++) sum += count[r] = ms_rank_part_count(part, r);
-  return sum;
+static void fill_places(const source *from, int64_t *next, void *items) {
+  for (int64_t k = 0; k < count_unknowns(from); k++)
+    ((int32_t *)items)[next[from->owner[from->whole->islands.particle[k]]]++] = (int32_t)k;
 }
 
-static int allocate(const ms_scene *s, const ms_rank_part *part, ms_rank_order *order,
-                    messages *m) {
-  const msim_allocator *alloc = &s->alloc;
-  const int32_t rank = part->ranks->rank;
-  ms_whole_islands *all = &order->islands;
-  int64_t *count = part->next;
-  const int64_t free = count_particles(part, count);
-  if (!MS_NEW(alloc, order->is_split, count[rank]) ||
-      !MS_NEW(alloc, m->is_split, is_root(part) ? free : 0))
-    return 0;
-  const int64_t half_edges = count_half_edges(s, part, count);
-  if (!MS_NEW(alloc, order->position, count[rank]) ||
-      !MS_NEW(alloc, m->position, is_root(part) ? half_edges : 0))
-    return 0;
-  return is_root(part) ||
-         (MS_NEW(alloc, all->particle, free) && MS_NEW(alloc, all->first, (size_t)all->n + 1) &&
-          MS_NEW(alloc, all->hash, all->n) && MS_NEW(alloc, order->angle_position, order->nangles));
+static void fill_splits(const source *from, int64_t *next, void *items) {
+  for (int64_t k = 0; k < count_unknowns(from); k++) {
+    const int32_t p = from->whole->islands.particle[k];
+    ((uint8_t *)items)[next[from->owner[p]]++] = from->whole->is_split[p];
+  }
+}
+
+static void fill_positions(const source *from, int64_t *next, void *items) {
+  for (size_t h = 0; h < 2 * (size_t)from->scene->nsprings; h++) {
+    const int32_t owner = from->owner[from->scene->ij[h]];
+    if (owner != MS_NO_OWNER) ((int32_t *)items)[next[owner]++] = from->whole->position[h];
+  }
+}
+
+/* count: nranks: half-edges of the own particles of each rank */
+static void count_half_edges(const source *from, int64_t *count) {
+  for (size_t h = 0; h < 2 * (size_t)from->scene->nsprings; h++) {
+    const int32_t owner = from->owner[from->scene->ij[h]];
+    if (owner != MS_NO_OWNER) count[owner]++;
+  }
 }
 
 /*------------------------------------- sending --------------------------------------------------*/
 
-/* next: of each rank, where its part begins, from the lengths of all. */
-static void find_beginnings(const ms_rank_part *part, int64_t *next) {
-  int64_t at = 0;
-  for (int32_t r = 0; r < part->ranks->n; r++) {
-    const int64_t n = next[r];
-    next[r] = at, at += n;
-  }
-}
-
-static void fill_messages(const ms_scene *s, const ms_rank_part *part, const ms_whole_order *whole,
-                          messages *m) {
-  int64_t *next = part->next;
-  const int64_t n = count_particles(part, next);
-  find_beginnings(part, next);
-  for (int64_t k = 0; k < n; k++) {
-    const int32_t p = whole->islands.particle[k];
-    m->is_split[next[part->owner[p]]++] = whole->is_split[p];
-  }
-  count_half_edges(s, part, next);
-  find_beginnings(part, next);
-  for (size_t h = 0; h < 2 * (size_t)s->nsprings; h++) {
-    const int32_t owner = part->owner[s->ij[h]];
-    if (owner != MS_NO_OWNER) m->position[next[owner]++] = whole->position[h];
-  }
-}
-
-/* Rank 0 sends each rank its part, count[r] items; collective. */
-static void send_parts(const ms_rank_part *part, const int64_t *count, size_t size,
-                       const void *parts, void *own) {
-  const int32_t n = part->ranks->n;
-  for (int32_t r = 0; r < n; r++) {
+/* Rank 0 sends each rank count[r] items of this size, which *own gets; collective. */
+static msim_status send_items(const source *from, const ms_rank_part *part, const int64_t *count,
+                              size_t size, fill_items *fill, void **own, msim_error *err) {
+  const msim_allocator *alloc = &from->scene->alloc;
+  ms_ranks *ranks = part->ranks;
+  void *items = NULL;
+  int64_t sum = 0;
+  for (int32_t r = 0; r < ranks->n; r++) {
+    part->next[r] = sum, sum += count[r];
     part->send_bytes[r] = is_root(part) ? count[r] * (int64_t)size : 0;
-    part->receive_bytes[r] = r == 0 ? count[part->ranks->rank] * (int64_t)size : 0;
+    part->receive_bytes[r] = r == 0 ? count[ranks->rank] * (int64_t)size : 0;
   }
-  ms_ranks_all_to_all(part->ranks, part->send_bytes, parts, part->receive_bytes, own);
+  *own = ms_memory_allocate(alloc, (size_t)count[ranks->rank], size);
+  if (is_root(part)) items = ms_memory_allocate(alloc, (size_t)sum, size);
+  const int fits = *own && (items || !is_root(part));
+  msim_status status = ms_ranks_agree(
+      ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the order of the half-edges"), err);
+  if (!status) {
+    if (is_root(part)) fill(from, part->next, items);
+    ms_ranks_all_to_all(ranks, part->send_bytes, items, part->receive_bytes, *own);
+    status = ms_ranks_agree(ranks, MSIM_OK, err);
+  }
+  ms_memory_free(alloc, items);
+  return status;
 }
 
-static void send_order(const ms_scene *s, const ms_rank_part *part, const messages *m,
-                       ms_rank_order *order) {
-  ms_whole_islands *all = &order->islands;
-  int64_t *count = part->next;
-  const int64_t free = count_particles(part, count);
-  send_parts(part, count, sizeof *m->is_split, m->is_split, order->is_split);
-  count_half_edges(s, part, count);
-  send_parts(part, count, sizeof *m->position, m->position, order->position);
-  const struct {
-    void *data;
-    size_t bytes;
-  } shared[] = {{all->particle, (size_t)free * sizeof *all->particle},
-                {all->first, ((size_t)all->n + 1) * sizeof *all->first},
-                {all->hash, (size_t)all->n * sizeof *all->hash},
-                {order->angle_position, (size_t)order->nangles * sizeof *order->angle_position}};
-  for (size_t i = 0; i < sizeof shared / sizeof *shared; i++)
-    ms_ranks_broadcast(part->ranks, 0, (int64_t)shared[i].bytes, shared[i].data);
+/* What all ranks have; `order` takes it from rank 0. */
+static msim_status share_islands(const ms_rank_part *part, const msim_allocator *alloc,
+                                 ms_whole_order *whole, ms_rank_order *order, msim_error *err) {
+  ms_whole_islands *to = &order->islands, *from = &whole->islands;
+  int32_t n = from->n;
+  ms_ranks_broadcast(part->ranks, 0, sizeof n, &n);
+  if (is_root(part)) {
+    to->first = from->first, to->hash = from->hash, from->first = NULL, from->hash = NULL;
+    order->angle_position = whole->angle_position, whole->angle_position = NULL;
+  }
+  to->n = part->ranks->failed ? 0 : n;
+  const int fits = is_root(part) ||
+                   (MS_NEW(alloc, to->first, (size_t)to->n + 1) && MS_NEW(alloc, to->hash, to->n) &&
+                    MS_NEW(alloc, order->angle_position, order->nangles));
+  const msim_status status = ms_ranks_agree(
+      part->ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the order of the half-edges"), err);
+  if (status) return status;
+  ms_ranks_broadcast(part->ranks, 0, ((int64_t)n + 1) * (int64_t)sizeof *to->first, to->first);
+  ms_ranks_broadcast(part->ranks, 0, n * (int64_t)sizeof *to->hash, to->hash);
+  ms_ranks_broadcast(part->ranks, 0, order->nangles * (int64_t)sizeof *order->angle_position,
+                     order->angle_position);
+  return ms_ranks_agree(part->ranks, MSIM_OK, err);
+}
+
+static msim_status send_order(const source *from, const ms_rank_part *part, int64_t *count,
+                              ms_rank_order *order, msim_error *err) {
+  const size_t number = sizeof(int32_t);
+  void *own = NULL;
+  for (int32_t r = 0; r < part->ranks->n; r++) count[r] = ms_rank_part_count(part, r);
+  msim_status status = send_items(from, part, count, number, fill_particles, &own, err);
+  order->own = own, own = NULL;
+  if (!status) status = send_items(from, part, count, number, fill_places, &own, err);
+  order->place = own, own = NULL;
+  if (!status) status = send_items(from, part, count, 1, fill_splits, &own, err);
+  order->is_split = own, own = NULL;
+  for (int32_t r = 0; r < part->ranks->n; r++) count[r] = 0;
+  if (is_root(part) && !status) count_half_edges(from, count);
+  if (status) return status;
+  ms_ranks_broadcast(part->ranks, 0, part->ranks->n * (int64_t)sizeof *count, count);
+  for (int32_t r = 0; r < part->ranks->n && part->ranks->failed; r++) count[r] = 0;
+  status = send_items(from, part, count, number, fill_positions, &own, err);
+  order->position = own;
+  return status;
 }
 
 /*------------------------------------- creation -------------------------------------------------*/
 
-/* What all ranks have becomes that of `order`, the rest messages. */
-static void take_whole(const ms_scene *s, const ms_rank_part *part, ms_whole_order *whole,
-                       ms_rank_order *order, messages *m) {
-  fill_messages(s, part, whole, m);
-  order->islands = whole->islands, whole->islands = (ms_whole_islands){0};
-  order->angle_position = whole->angle_position, whole->angle_position = NULL;
-}
-
-static msim_status share_order(const ms_scene *s, const ms_rank_part *part, ms_whole_order *whole,
-                               ms_rank_order *order, messages *m, msim_error *err) {
-  ms_ranks *ranks = part->ranks;
-  int32_t n = whole->islands.n;
-  ms_ranks_broadcast(ranks, 0, sizeof n, &n);
-  order->islands.n = n;
-  const int fits = ranks->failed || allocate(s, part, order, m);
-  const msim_status status = ms_ranks_agree(
-      ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the order of the half-edges"), err);
-  if (status) return status;
-  if (is_root(part)) take_whole(s, part, whole, order, m);
-  send_order(s, part, m, order);
-  return ms_ranks_agree(ranks, MSIM_OK, err);
-}
-
 msim_status ms_rank_order_create(const ms_scene *scene, const ms_rank_part *part, int whole,
                                  ms_rank_order *order, msim_error *err) {
   ms_whole_order found = {0};
-  messages m = {0};
+  int64_t *count = NULL;
   *order = (ms_rank_order){.nangles = scene->angles.n};
   msim_status status = is_root(part) ? ms_whole_order_create(scene, whole, &found, err) : MSIM_OK;
+  if (!status && !MS_NEW(&scene->alloc, count, part->ranks->n))
+    status = ms_error_set_memory(err, "the order of the half-edges");
   status = ms_ranks_agree(part->ranks, status, err);
-  if (!status) status = share_order(scene, part, &found, order, &m, err);
+  const source from = {scene, part->owner, &found};
+  if (!status) status = send_order(&from, part, count, order, err);
+  if (!status) status = share_islands(part, &scene->alloc, &found, order, err);
   ms_whole_order_destroy(scene, &found);
-  MS_FREE(&scene->alloc, m.position, m.is_split);
+  ms_memory_free(&scene->alloc, count);
   return status;
 }
 
 void ms_rank_order_destroy(const ms_scene *scene, ms_rank_order *order) {
   ms_whole_islands_destroy(&scene->alloc, &order->islands);
-  MS_FREE(&scene->alloc, order->position, order->is_split, order->angle_position);
+  MS_FREE(&scene->alloc, order->own, order->place, order->position, order->is_split,
+          order->angle_position);
   *order = (ms_rank_order){0};
 }
 

@@ -59,18 +59,12 @@ int ms_rank_part_provide_whole(const ms_scene *scene, ms_rank_part *part) {
          MS_NEW(&scene->alloc, part->all, nfree);
 }
 
-msim_status ms_rank_part_keep_islands(const msim_allocator *alloc, ms_rank_part *part,
-                                      ms_whole_islands *islands, msim_error *err) {
-  int32_t *place, n = 0;
-  if (!MS_NEW(alloc, place, ms_rank_part_count(part, part->ranks->rank)))
-    return ms_error_set_memory(err, "the order of the unknowns");
-  for (int32_t k = 0; k < islands->first[islands->n]; k++)
-    if (is_own(part, islands->particle[k])) place[n++] = k;
+void ms_rank_part_keep_order(const msim_allocator *alloc, ms_rank_part *part,
+                             ms_rank_order *order) {
   ms_whole_islands_destroy(alloc, &part->whole);
-  MS_FREE(alloc, part->place, islands->particle);
-  part->place = place, part->whole = *islands;
-  part->whole.particle = NULL, *islands = (ms_whole_islands){0};
-  return MSIM_OK;
+  ms_memory_free(alloc, part->place);
+  part->place = order->place, part->whole = order->islands;
+  order->place = NULL, order->islands = (ms_whole_islands){0};
 }
 
 void ms_rank_part_destroy(const msim_allocator *alloc, ms_rank_part *part) {
@@ -137,10 +131,10 @@ static int list_springs(const ms_scene *s, const ms_rank_part *part, int32_t *to
 
 static int list_free(const ms_scene *s, const ms_rank_part *part, const ms_rank_order *order,
                      int32_t *to, ms_islands *out) {
-  const int32_t *particle = order->islands.particle, n = order->islands.first[order->islands.n];
-  for (int32_t k = 0; k < n; k++) to[k] = is_own(part, particle[k]) ? 0 : NONE;
+  const int32_t n = (int32_t)ms_rank_part_count(part, part->ranks->rank);
+  for (int32_t k = 0; k < n; k++) to[k] = 0;
   if (!ms_buckets_create(&s->alloc, n, to, 1, &out->free)) return 0;
-  for (int32_t k = 0; k < out->free.first[1]; k++) out->free.item[k] = particle[out->free.item[k]];
+  for (int32_t k = 0; k < n; k++) out->free.item[k] = order->own[k];
   return 1;
 }
 

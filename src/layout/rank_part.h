@@ -14,11 +14,13 @@
 typedef struct ms_whole_islands {
   int32_t n;
   int32_t *first;    /* n + 1: the first unknown of each */
-  int32_t *particle; /* of each unknown, island by island; NULL: not kept */
+  int32_t *particle; /* of each unknown, island by island; NULL: only in ms_whole_order */
   uint64_t *hash;    /* n: of the particles of all rows (unknowns.h) */
 } ms_whole_islands;
 
 void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *islands);
+
+struct ms_rank_order;
 
 typedef struct ms_rank_part {
   ms_ranks *ranks;
@@ -43,10 +45,10 @@ typedef struct ms_placed_row {
   double value;
 } ms_placed_row;
 
-/* Keep the islands of one process, and the place of each own unknown among theirs. Takes over
- * their arrays. */
-msim_status ms_rank_part_keep_islands(const msim_allocator *alloc, ms_rank_part *part,
-                                      ms_whole_islands *islands, msim_error *err);
+/* Keep the islands of one process, and the place of each own unknown among theirs, which the order
+ * then has no more. */
+void ms_rank_part_keep_order(const msim_allocator *alloc, ms_rank_part *part,
+                             struct ms_rank_order *order);
 
 /* Divide the scene among `ranks`, which the part borrows. After an error it may be there, and must
  * be destroyed. */

@@ -78,8 +78,7 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
       sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
-  if (sim->part && !status)
-    status = ms_rank_part_keep_islands(&sim->alloc, sim->part, &order.islands, err);
+  if (sim->part && !status) ms_rank_part_keep_order(&sim->alloc, sim->part, &order);
   ms_rank_order_destroy(sim->scene, &order);
   return status;
 }
