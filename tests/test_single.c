@@ -226,13 +226,13 @@ static void bad_numbers_are_detected(void **state) {
         const float good = *at;
         *at = bad[i];
         assert_false(ms_fused_step_run(&t.model, &sweep));
-        assert_int_equal(ms_vector_find_invalid(t.model.shape, t.vec[from]), row);
+        assert_int_equal(ms_vector_find_invalid(t.model.state_shape, t.vec[from]), row);
         *at = good;
         assert_true(ms_fused_step_run(&t.model, &sweep));
-        assert_int_equal(ms_vector_find_invalid(t.model.shape, t.vec[from]), -1);
+        assert_int_equal(ms_vector_find_invalid(t.model.state_shape, t.vec[from]), -1);
         float *error = at + rows->dims * rows->stride; /* of a sum, as read from a checkpoint */
         *error = bad[i];
-        assert_int_equal(ms_vector_find_invalid(t.model.shape, t.vec[from]), row);
+        assert_int_equal(ms_vector_find_invalid(t.model.state_shape, t.vec[from]), row);
         *error = 0;
       }
   tear_down(&t);
@@ -284,7 +284,7 @@ static void sums_do_not_drift(void **state) {
                                  .x_from = vec[0],
                                  .drift = h};
     assert_true(ms_fused_step_run(&model, &sweep));
-    ms_vector_add_scaled(model.shape, vec[2], h, vec[1], vec[2]);
+    ms_vector_add_scaled(model.state_shape, vec[2], h, vec[1], vec[2]);
     sum_v -= step, sum_x += factor * sum_v;
   }
   const size_t z = 2 * (size_t)model.unknowns.stride;

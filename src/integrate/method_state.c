@@ -16,19 +16,19 @@ void ms_method_state_archive_carried(ms_archive *b, const ms_integrator *method,
   if (ms_archive_failed(b)) return;
   const int first = method->carried_at + (tag - 1) * method->carried;
   for (int i = 0; i < method->carried && MS_ARCHIVE_OPTIONAL(b, tag > 0); i++)
-    ms_archive_transfer_vector(b, s->model->shape, s->work[tag > 0 ? first + i : 0]);
+    ms_archive_transfer_vector(b, s->model->state_shape, s->work[tag > 0 ? first + i : 0]);
 }
 
 static void archive_contacts(ms_archive *b, ms_stepper *s) {
   ms_archive_check(b, s->events || !(s->cached_stage & MS_CONTACTS_CACHED), "the contact set");
   if (!s->events || !MS_ARCHIVE_OPTIONAL(b, s->cached_stage & MS_CONTACTS_CACHED)) return;
-  ms_archive_transfer_vector(b, s->model->shape, s->events->a);
+  ms_archive_transfer_vector(b, s->model->state_shape, s->events->a);
   MS_ARCHIVE_TRANSFER(b, s->events->contact_hash);
 }
 
 /* A method with its own dense output needs its stages, others the a of both ends. */
 static void archive_last_step(ms_archive *b, const ms_integrator *method, ms_stepper *s) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   ms_archive_transfer_vector(b, shape, s->x_next);
   ms_archive_transfer_vector(b, shape, s->v_next);
   MS_ARCHIVE_TRANSFER(b, s->dense_output);
@@ -50,7 +50,7 @@ static void forget_last_step(ms_stepper *s) {
 
 void ms_method_state_archive(ms_archive *b, const ms_integrator *method, ms_stepper *s,
                              int inside) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   if (b->direction == MS_ARCHIVE_READ) forget_last_step(s);
   ms_archive_transfer_vector(b, shape, s->x);
   ms_archive_transfer_vector(b, shape, s->v);

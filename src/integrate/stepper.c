@@ -12,7 +12,7 @@ void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
 }
 
 void ms_stepper_init_stage(const ms_stepper *s, double *stage) {
-  ms_vector_copy_all(s->model->shape, s->x, stage);
+  ms_vector_copy_all(s->model->state_shape, s->x, stage);
 }
 
 int ms_stepper_has_contacts(const ms_stepper *s) {
@@ -54,7 +54,7 @@ static void evaluate_at_planes(ms_stepper *s, const ms_fused_step *sweep) {
   if (!all.a) all.a = e->a_end;
   const int alone = !all.f && !all.v_to && !all.x_to;
   if (e->a_is_known && alone && all.x == s->x && all.v == s->v)
-    ms_vector_copy(s->model->shape, e->a, all.a);
+    ms_vector_copy(s->model->state_shape, e->a, all.a);
   else ms_stepper_evaluate_model(s, s->model, &all);
   ms_contact_set_add_reactions(s, &all);
 }

@@ -25,8 +25,8 @@ static void interpolate_quintic(const ms_stepper *s, double t, const double *con
                           t2 * (-12 + 28 * t - 15 * t2),
                           h / 2 * t * u * u * (2 - 5 * t),
                           h / 2 * t2 * u * (3 - 5 * t)};
-  ms_vector_linear_combination(s->model->shape, ends[0], 6, of_x, ends, x);
-  ms_vector_linear_combination(s->model->shape, ends[2], 6, of_v, ends, v);
+  ms_vector_linear_combination(s->model->state_shape, ends[0], 6, of_x, ends, x);
+  ms_vector_linear_combination(s->model->state_shape, ends[2], 6, of_v, ends, v);
 }
 
 /* Add the work of the force function by Lobatto's rule of order 6 on a quintic: its sum over kicks
@@ -45,7 +45,7 @@ static void add_function_work(ms_stepper *s, const double *const ends[6], double
 
 /* cached_stage: 1 + the index of the work vector that holds a(x) */
 void ms_composition_step(ms_stepper *s, const ms_composition *m) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const int now = s->cached_stage == 2;
   double *a = s->work[now], *a_next = s->work[1 - now];
   double *x = s->x_next, *other = s->work[STAGE], *v = s->v_next;

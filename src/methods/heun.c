@@ -13,7 +13,7 @@
  *             The impulse then acts on the stage alone, and a particle never bounces. */
 static msim_status heun_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const double h = s->h;
   const int mode = s->opt->heun_collision;
   double *a = s->work[0], *a_stage = s->work[1], *v_predicted = s->work[2];

@@ -8,7 +8,7 @@
 static msim_status rk4_step(ms_stepper *s, msim_error *err) {
   (void)err;
   static const double reach[4] = {0, 0.5, 0.5, 1}, weight[4] = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   double *a = s->work[0], *v_stage = s->work[1], *x_sum = s->work[2], *v_sum = s->v_next;
   ms_vector_copy(shape, s->x, x_sum);
   ms_vector_copy(shape, s->v, v_sum);

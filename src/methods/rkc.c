@@ -80,7 +80,7 @@ static void rkc_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[X]); }
 
 static msim_status rkc_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const int32_t stages = ms_rkc_count_stages(s->h, s->bounds);
   double *xs[] = {s->x_next, s->work[X]},
          *vs[] = {s->v_next, s->work[V]}; /* the last stage is in the first pair */
@@ -130,8 +130,8 @@ static void rkc_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   const double *const v[] = {s->v, s->v_next, s->work[A0], s->work[V]};
   s->c = 1;
   ms_stepper_acceleration(s, s->x_next, s->v_next, s->work[V]);
-  ms_vector_linear_combination(s->model->shape, NULL, 4, w, x, dx);
-  ms_vector_linear_combination(s->model->shape, NULL, 4, w, v, dv);
+  ms_vector_linear_combination(s->model->state_shape, NULL, 4, w, x, dx);
+  ms_vector_linear_combination(s->model->state_shape, NULL, 4, w, v, dv);
 }
 
 /* h w^2 <= MS_RKC_STRIP g for every mode (rkc.h). */

@@ -28,7 +28,7 @@ static void ssprk104_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[X])
 /* to = from + length f(Y_i), and the part of stage i in the error estimate */
 static void advance_stage(ms_stepper *s, int i, const double *x, const double *v, stage from,
                           stage to, double length) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   s->c = C[i];
   ms_stepper_evaluate(s, &(ms_fused_step){.x = x,
                                           .v = v,
@@ -49,14 +49,14 @@ static void advance_stage(ms_stepper *s, int i, const double *x, const double *v
 /* to = y + a (Y_one - y) + b (Y_two - y) */
 static void combine_stages(const ms_stepper *s, double a, stage one, double b, stage two,
                            stage to) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   ms_vector_three_term(shape, s->x, a, one.x, b, two.x, 0, s->x, to.x);
   ms_vector_three_term(shape, s->v, a, one.v, b, two.v, 0, s->v, to.v);
 }
 
 static msim_status ssprk104_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const stage start = {s->x, s->v}, q = {s->work[Q_X], s->work[Q_V]};
   const stage at[2] = {{s->x_next, s->v_next}, {s->work[X], s->work[V]}};
   const stage error = {s->work[ERROR_X], s->work[ERROR_V]};
@@ -78,8 +78,8 @@ static msim_status ssprk104_step(ms_stepper *s, msim_error *err) {
 
 static void ssprk104_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
-  ms_vector_copy(s->model->shape, s->work[ERROR_X], dx);
-  ms_vector_copy(s->model->shape, s->work[ERROR_V], dv);
+  ms_vector_copy(s->model->state_shape, s->work[ERROR_X], dx);
+  ms_vector_copy(s->model->state_shape, s->work[ERROR_V], dv);
 }
 
 /* The region of stability contains the left half of the disc whose radius is the limit on the

@@ -44,7 +44,7 @@ static ms_fused_step make_stage_sweep(const ms_stepper *s) {
 static void convert_x(const ms_stepper *s, const double *x, double *to) {
   enum { POWERS = 5 };
   static const double POWER[POWERS] = {-1, -1, 0.33578852, 6.78221203, -5.88168404};
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const double factor = -C * s->h * s->h;
   double *a = s->work[A], *stage = s->work[STAGE], *change = s->scratch;
   ms_fused_step_run(s->model, &(ms_fused_step){.x = x, .a = a});
@@ -60,7 +60,7 @@ static void convert_x(const ms_stepper *s, const double *x, double *to) {
 
 /* to = v - h/12 (a(x + h v/2) - a(x - h v/2)) = (1 + y) v for linear forces; `to` may be v */
 static void convert_v(const ms_stepper *s, const double *x, const double *v, double *to) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const double h = s->h;
   double *stage = s->work[STAGE], *ahead = s->scratch;
   ms_vector_add_scaled(shape, x, h / 2, v, stage);
@@ -86,7 +86,7 @@ enum { ROUNDS = 7 };
 /* y += w (y0 - to); returns |y0 - to|^2 */
 static double correct_toward(const ms_stepper *s, double w, const double *y0, const double *to,
                              double *y) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   ms_vector_add_scaled(shape, y0, -1, to, s->scratch);
   ms_vector_axpy(shape, w, s->scratch, y);
   return ms_vector_dot(shape, s->scratch, s->scratch);
@@ -109,13 +109,13 @@ static int invert_conversion(ms_stepper *s) {
     convert_v(s, s->x, s->v, s->v_next);
     correct_toward(s, OF_V[i], v0, s->v_next, s->v);
   }
-  return off[ROUNDS - 1] <= off[0] + 1e-24 * ms_vector_dot(s->model->shape, x0, x0);
+  return off[ROUNDS - 1] <= off[0] + 1e-24 * ms_vector_dot(s->model->state_shape, x0, x0);
 }
 
 /* cached_stage = 1: the state is that at the start of the run. Far beyond the longest stable step
  * the conversion has no inverse: x and v stay as they are. */
 static void takahashi_imada_start(ms_stepper *s) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   ms_vector_copy_all(shape, s->x, s->work[X0]);
   ms_vector_copy_all(shape, s->v, s->work[V0]);
   ms_stepper_init_stage(s, s->work[STAGE]);
@@ -143,7 +143,7 @@ static msim_status takahashi_imada_step(ms_stepper *s, msim_error *err) {
 }
 
 static void takahashi_imada_show(const ms_stepper *s, double *x, double *v) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   if (s->cached_stage) {
     ms_vector_copy_all(shape, s->work[X0], x);
     ms_vector_copy_all(shape, s->work[V0], v);

@@ -10,7 +10,7 @@
  * is the same number: one evaluation a step is sufficient. */
 static msim_status velocity_verlet_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const double h = s->h;
   const int at = s->cached_stage == 2,
             next = 1 - at; /* cached_stage: 1 + index of the work vector with a(x) */

@@ -13,13 +13,13 @@ static void verlet_begin(ms_stepper *s) {
   if (s->opt->verlet_start == MSIM_VERLET_PLAIN) return;
   double *a = s->work[0];
   ms_fused_step_run(s->model, &(ms_fused_step){.x = s->x, .v = s->v, .a = a});
-  ms_vector_add_scaled(s->model->shape, s->v, -s->h / 2, a, s->v);
+  ms_vector_add_scaled(s->model->state_shape, s->v, -s->h / 2, a, s->v);
   s->cached_stage = 1;
 }
 
 /* The first step, with the a of verlet_begin() */
 static void first_step(ms_stepper *s) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   ms_vector_add_scaled(shape, s->v, s->h, s->work[0], s->v_next);
   ms_vector_add_scaled(shape, s->x, s->h, s->v_next, s->x_next);
   s->stats->force_evaluations++;
@@ -41,7 +41,7 @@ static void verlet_sync(const ms_stepper *s, double *v, double *scratch) {
   const double *a = s->cached_stage ? s->work[0] : scratch;
   if (!s->cached_stage)
     ms_fused_step_run(s->model, &(ms_fused_step){.x = s->x, .v = s->v, .a = scratch});
-  ms_vector_add_scaled(s->model->shape, s->v, s->h / 2, a, v);
+  ms_vector_add_scaled(s->model->state_shape, s->v, s->h / 2, a, v);
 }
 
 const ms_integrator ms_verlet = {

@@ -76,7 +76,7 @@ msim_status ms_model_create_island(const ms_scene *scene, const ms_island *islan
   if (!status) status = ms_angles_create(scene, island, &model->unknowns, &model->angles, err);
   if (status) return status;
   const ms_unknowns *rows = &model->unknowns;
-  model->shape =
+  model->shape = model->state_shape =
       (ms_shape){.n = rows->nfree, .stride = rows->stride, .dims = rows->dims, .isa = model->isa};
   size_t count = (size_t)rows->first_pinned;
   if (!MS_NEW(&scene->alloc, model->mass, count) || !MS_NEW(&scene->alloc, model->inv_mass, count))

@@ -27,10 +27,11 @@ typedef struct ms_model {
   const ms_scene *scene;
   ms_unknowns unknowns;
   ms_springs springs;
-  ms_half_edges half_edges;    /* the same springs as half-edges */
-  ms_shape shape;              /* of the unknowns, and of a stepper's vectors */
-  double *mass, *inv_mass;     /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
-  ms_external external;        /* the scene's */
+  ms_half_edges half_edges; /* the same springs as half-edges */
+  ms_shape shape;           /* of the unknowns, in vectors of doubles */
+  ms_shape state_shape;     /* of a stepper's vectors: likewise, or of pairs of floats (single) */
+  double *mass, *inv_mass;  /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
+  ms_external external;     /* the scene's */
   struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
   ms_angles angles;            /* angular springs (angle_springs.h) */
   double *force;               /* a vector: the constant forces on particles, N; NULL: none */

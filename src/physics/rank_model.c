@@ -62,7 +62,7 @@ msim_status ms_rank_model_connect(ms_model *model, const ms_rank_part *part, msi
   msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the springs between ranks");
   status = ms_ranks_agree(part->ranks, status, err);
   if (!status) status = ms_halo_create(s, &model->unknowns, part, &m->halo, err);
-  model->shape.ranks = part->ranks;
+  model->shape.ranks = model->state_shape.ranks = part->ranks;
   if (!status) ms_rank_model_share_features(model);
   return status;
 }

@@ -66,7 +66,7 @@ msim_status ms_single_create(ms_model *model, msim_error *err) {
   narrow(rows, model->mass, s->mass);
   narrow(rows, model->inv_mass, s->inv_mass);
   ms_single_update_springs(model);
-  model->shape.single = 1;
+  model->state_shape.single = 1;
   return MSIM_OK;
 }
 

@@ -1,10 +1,10 @@
 /* single - what a model needs for steps in single precision: springs and masses as floats, and the
  * origin of positions
  *
- * The vectors of a stepper then have floats (ms_shape.single), positions as x - origin. The origin
- * is the middle of the island at the start of a run, so that the distance of a scene from that of
- * its coordinates costs no digits. Functions that read a state get it as doubles from here, and
- * steps do not depend on them. Sums (energies, time) are doubles.
+ * The vectors of a stepper then have floats (ms_model.state_shape), positions as x - origin. The
+ * origin is the middle of the island at the start of a run, so that the distance of a scene from
+ * that of its coordinates costs no digits. Functions that read a state get it as doubles from here,
+ * and steps do not depend on them. Sums (energies, time) are doubles.
  *
  * Sums x + h v and v + h a keep what floats lose of them (vector.h), which costs 6 % of a step:
  * without that, a fall was measured to be off by 1e-4 after 1e4 steps, and in proportion to their

@@ -197,8 +197,8 @@ static int restorable_tag(const msim_sim *sim, const ms_stepper *s) {
 }
 
 static void copy_present_state(ms_island_sim *m) {
-  ms_vector_copy(m->model.shape, m->stepper.x, m->last_good.x);
-  ms_vector_copy(m->model.shape, m->stepper.v, m->last_good.v);
+  ms_vector_copy(m->model.state_shape, m->stepper.x, m->last_good.x);
+  ms_vector_copy(m->model.state_shape, m->stepper.v, m->last_good.v);
 }
 
 static void keep_good_state(msim_sim *sim) {
@@ -241,8 +241,8 @@ static void restore_good_state(msim_sim *sim) {
   sim->run = sim->monitor.good;
   sim->run.t_shown = sim->run.t, sim->run.frame = frame;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
-    ms_vector_copy(m->model.shape, m->last_good.x, m->stepper.x);
-    ms_vector_copy(m->model.shape, m->last_good.v, m->stepper.v);
+    ms_vector_copy(m->model.state_shape, m->last_good.x, m->stepper.x);
+    ms_vector_copy(m->model.state_shape, m->last_good.v, m->stepper.v);
     m->stepper.h_before = m->last_good.h_before;
     m->stepper.cached_stage = m->last_good.tag;
     if (m->stepper.solver) ms_solver_discard_factors(m->stepper.solver);
@@ -363,7 +363,7 @@ void ms_energy_monitor_finish_reading(msim_sim *sim, int is_present) {
 /* After implicit steps the last good state is the present one, as all are checked. */
 void ms_energy_monitor_archive_island(ms_archive *b, const msim_sim *sim, int is_present,
                                       const ms_stepper *s, ms_last_good_state *g) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   if (!monitor_is_on(sim)) return;
   MS_ARCHIVE_TRANSFER(b, g->h_before);
   MS_ARCHIVE_TRANSFER(b, g->at_rest);

@@ -20,8 +20,8 @@ static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *
   if (!sim->config.integrator->counts_work) ms_stepper_add_trapezoidal_work(s, s->v);
   if (function && function->status) return ms_force_function_report(s->model, &s->offender, err);
   if (status || s->finite) return status;
-  s->offender = ms_vector_find_invalid(s->model->shape, s->x_next);
-  if (s->offender < 0) s->offender = ms_vector_find_invalid(s->model->shape, s->v_next);
+  s->offender = ms_vector_find_invalid(s->model->state_shape, s->x_next);
+  if (s->offender < 0) s->offender = ms_vector_find_invalid(s->model->state_shape, s->v_next);
   return s->offender < 0 ? MSIM_OK : MSIM_NOT_FINITE;
 }
 

@@ -39,7 +39,7 @@ static msim_status make_fixed_step(const msim_sim *sim, ms_stepper *s, msim_erro
  * and v then. The comparison ends at the first unknown that differs. */
 static int stays_at_rest(const msim_sim *sim, const ms_island_sim *m, int64_t contacts) {
   const ms_stepper *s = &m->stepper;
-  const ms_shape shape = m->model.shape;
+  const ms_shape shape = m->model.state_shape;
   if ((m->model.pins || ms_collider_motion_is_there(sim->scene)) &&
       ms_moving_pins_next_time(sim->scene, s->t) < INFINITY)
     return 0;

@@ -32,8 +32,7 @@ void ms_step_verification_destroy(const ms_model *model, ms_island_verification 
 
 /* sqrt(d.M d/(2 m))/scale, m the mass of the scene's free particles; d has doubles. */
 static double mass_norm(ms_stepper *s, const double *d, double scale, const ms_scales *scales) {
-  ms_shape shape = s->model->shape;
-  shape.single = 0;
+  const ms_shape shape = s->model->shape;
   ms_vector_scale_rows(shape, s->model->mass, d, s->scratch);
   return sqrt(ms_vector_dot(shape, d, s->scratch) / (2 * scales->mass)) / scale;
 }
@@ -42,7 +41,7 @@ static double mass_norm(ms_stepper *s, const double *d, double scale, const ms_s
  * single precision, as rounding of a is larger */
 static double find_defect_norm(const ms_integrator *method, ms_stepper *s,
                                const ms_scales *scales) {
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   const double h = s->h, w[] = {-1, -h / 2, -h / 2, -h * h / 12, h * h / 12};
   if (!ms_control_is_supported(method) || method->carried != 1 || shape.single) return 0;
   const double *a = s->work[s->cached_stage == 2], *a_next = s->work[s->cached_stage != 2];
@@ -53,7 +52,7 @@ static double find_defect_norm(const ms_integrator *method, ms_stepper *s,
 
 /* A number of a vector in the precision of the model, rounded to floats in single precision */
 static double number_at(const ms_model *model, const double *vec, size_t at) {
-  return model->shape.single ? (double)((const float *)(const void *)vec)[at] : vec[at];
+  return model->state_shape.single ? (double)((const float *)(const void *)vec)[at] : vec[at];
 }
 
 /* 1 - cos of the largest angle by which a spring turned, among those whose direction matters. The
@@ -186,15 +185,15 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
 /* Copy the state at the start of the step, as substeps move s->x. *moved: 1, once that is done */
 static void save_step_start(ms_island_sim *m, int *moved) {
   if (*moved) return;
-  ms_vector_copy(m->model.shape, m->stepper.x, m->verification.x);
-  ms_vector_copy(m->model.shape, m->stepper.v, m->verification.v);
+  ms_vector_copy(m->model.state_shape, m->stepper.x, m->verification.x);
+  ms_vector_copy(m->model.state_shape, m->stepper.v, m->verification.v);
   *moved = 1;
 }
 
 static void restore_saved_start(ms_island_sim *m) {
   ms_stepper *s = &m->stepper;
-  ms_vector_copy(m->model.shape, m->verification.x, s->x);
-  ms_vector_copy(m->model.shape, m->verification.v, s->v);
+  ms_vector_copy(m->model.state_shape, m->verification.x, s->x);
+  ms_vector_copy(m->model.state_shape, m->verification.v, s->v);
   if (s->events) s->events->moved = 0;
   s->cached_stage = 0;
 }
