@@ -16,9 +16,14 @@ static msim_options single_options(const char *method, double h) {
 }
 
 /* All that single precision supports, but explicit-euler, which is unstable without damping */
-static const char *const methods[] = {"heun", "verlet", "symplectic-euler", "velocity-verlet",
-                                      "rk4",  "rkc",    "takahashi-imada",  "force-gradient"};
+#define IMPLICIT "linearly-implicit-euler"
+static const char *const methods[] = {"heun",  "verlet", "symplectic-euler", "velocity-verlet",
+                                      "rk4",   "rkc",    "takahashi-imada",  "force-gradient",
+                                      IMPLICIT};
 enum { METHODS = sizeof methods / sizeof *methods };
+
+/* An explicit method and the implicit one */
+static const char *const both[] = {"velocity-verlet", IMPLICIT};
 
 static double distance(int32_t n, const double *a, const double *b) {
   double most = 0;
@@ -93,19 +98,21 @@ static void distance_from_the_origin_costs_nothing(void **state) {
 /*------------------------------------- the same bits --------------------------------------------*/
 
 /* A cloth; damped, with drag, falling on a plane and a sphere; planar; two parts that no spring
- * connects */
+ * connects; damped, with drag, falling on a plane */
 static msim_scene *scene_of(int i) {
   const double g[3] = {0, -9.81, 0}, x[6] = {3, 0, 0, 3.5, 0, 0}, mass[2] = {1, 1}, k = 100;
   const int32_t ij[2] = {81, 82};
-  msim_scene *scene = hanging_cloth(9, i == 2 ? 50 : 200, i == 1 ? 0.02 : 0);
+  msim_scene *scene = hanging_cloth(9, i == 2 ? 50 : 200, i == 1 || i == 4 ? 0.02 : 0);
   if (i == 1) {
     const msim_collider ball = {.size = sizeof ball,
                                 .type = MSIM_COLLIDER_SPHERE,
                                 .center = {0.5, 0.5, -0.3},
                                 .radius = 0.25,
                                 .restitution = 0.4};
-    assert_ok(msim_scene_set_drag(scene, 0.02, err));
     assert_ok(msim_scene_add_collider(scene, &ball, err));
+  }
+  if (i == 1 || i == 4) {
+    assert_ok(msim_scene_set_drag(scene, 0.02, err));
     plane(scene, 0.1, 0.2, 1, -0.06, 0.5, 0.3);
   }
   if (i == 2) assert_ok(msim_scene_set_gravity(scene, g, err));
@@ -113,10 +120,11 @@ static msim_scene *scene_of(int i) {
   if (i == 3) assert_ok(msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, err));
   return scene;
 }
-enum { SCENES = 4 };
+enum { SCENES = 5 };
 
 static int takes(const char *method, int scene) {
-  return scene != 1 || !takes_positions_only(method);
+  if (scene == 1 && strcmp(method, IMPLICIT) == 0) return 0;
+  return (scene != 1 && scene != 4) || !takes_positions_only(method);
 }
 
 static void runs_resume_to_the_bit(void **state) {
@@ -162,8 +170,7 @@ static void observers_and_threads_change_no_bit(void **state) {
 
 /* Particles bounce as in double precision, at most a rounded position behind a plane; those that
  * touch nothing have the same bits as without it, also where doubles are coarser than floats. */
-static void particles_bounce(void **state) {
-  (void)state;
+static void expect_bounces(const char *method) {
   enum { N = 20, STEPS = 1500 };
   double x[3 * N], v[3 * N], mass[N];
   unsigned seed = 21;
@@ -183,7 +190,7 @@ static void particles_bounce(void **state) {
     if (k == 0) plane(scenes[k], 0, 0, 1, 0, 0.7, 0.2);
   }
   for (int k = 0; k < 3; k++) {
-    msim_options opt = single_options("velocity-verlet", 1e-3);
+    msim_options opt = single_options(method, 1e-3);
     opt.skip_off = MSIM_SKIP_ISLANDS;
     if (k == 2) opt.precision = MSIM_PRECISION_DOUBLE;
     sims[k] = make_sim(scenes[k % 2], &opt);
@@ -199,6 +206,11 @@ static void particles_bounce(void **state) {
   }
   for (int k = 0; k < 3; k++) msim_sim_destroy(sims[k]);
   for (int k = 0; k < 2; k++) msim_scene_destroy(scenes[k]);
+}
+
+static void particles_bounce(void **state) {
+  (void)state;
+  for (int m = 0; m < 2; m++) expect_bounces(both[m]);
 }
 
 /* The state that a run starts from is the caller's, without rounding. */
@@ -273,8 +285,7 @@ static void checkpoints_of_another_precision_are_refused(void **state) {
 /*------------------------------------- memory ---------------------------------------------------*/
 
 /* Each allocation of a new sim fails in turn, and no step allocates. */
-static void memory_may_run_out(void **state) {
-  (void)state;
+static void expect_failures(const char *method) {
   const double x[9] = {0, 0, 0, 1, 0, 0, 1, 1, 0}, mass[3] = {1, 1, 1}, k[2] = {100, 100},
                rest[2] = {0.5, 0.5};
   const int32_t ij[4] = {0, 1, 1, 2};
@@ -282,10 +293,15 @@ static void memory_may_run_out(void **state) {
   assert_ok(msim_scene_create(failing_allocator_get(), &scene, err));
   assert_ok(msim_scene_add_particles(scene, 3, x, NULL, mass, err));
   assert_ok(msim_scene_add_springs(scene, 2, ij, k, rest, NULL, err));
-  msim_options opt = single_options("velocity-verlet", 1e-3);
+  msim_options opt = single_options(method, 1e-3);
   opt.threads = 1;
   expect_creation_survives_failures(scene, &opt, 200);
   msim_scene_destroy(scene);
+}
+
+static void memory_may_run_out(void **state) {
+  (void)state;
+  for (int m = 0; m < 2; m++) expect_failures(both[m]);
 }
 
 /*------------------------------------- the energy monitor ---------------------------------------*/
@@ -346,12 +362,11 @@ static void change(msim_sim *sim, int which) {
   if (which == 7) assert_ok(msim_sim_set_drag(sim, 0.3, err));
 }
 
-static void changes_are_followed(void **state) {
-  (void)state;
+static void expect_changes(const char *method) {
   enum { CHANGES = 8 };
   for (int which = 0; which < CHANGES; which++) {
-    msim_scene *scene = scene_of(which == 1 ? 1 : 3);
-    msim_options opt = single_options("velocity-verlet", 1e-3);
+    msim_scene *scene = scene_of(which == 1 ? 4 : 3);
+    msim_options opt = single_options(method, 1e-3);
     msim_sim *single = make_sim(scene, &opt);
     opt.precision = MSIM_PRECISION_DOUBLE;
     msim_sim *exact = make_sim(scene, &opt), *same = make_sim(scene, &opt);
@@ -372,6 +387,11 @@ static void changes_are_followed(void **state) {
   }
 }
 
+static void changes_are_followed(void **state) {
+  (void)state;
+  for (int m = 0; m < 2; m++) expect_changes(both[m]);
+}
+
 /*------------------------------------- refusals -------------------------------------------------*/
 
 static void expect_refused(const msim_scene *scene, const msim_options *opt, const char *word) {
@@ -384,7 +404,7 @@ static void expect_refused(const msim_scene *scene, const msim_options *opt, con
 
 static void unsupported_options_are_refused(void **state) {
   (void)state;
-  static const char *const others[] = {"linearly-implicit-euler", "respa", "rkn6", "bdf2"};
+  static const char *const others[] = {"implicit-euler", "respa", "rkn6", "bdf2"};
   msim_scene *scene = scene_of(0);
   msim_options opt;
   for (int i = 0; i < 4; i++) {
@@ -397,6 +417,10 @@ static void unsupported_options_are_refused(void **state) {
   expect_refused(scene, &opt, "error control");
   opt = single_options("auto", MSIM_H_AUTO), opt.t_end = 1;
   expect_refused(scene, &opt, "'auto'");
+  msim_scene_destroy(scene);
+  scene = scene_of(1);
+  opt = single_options(IMPLICIT, 1e-3);
+  expect_refused(scene, &opt, "colliders");
   msim_scene_destroy(scene);
 }
 

@@ -76,8 +76,9 @@ enum {
  * functions of msim.h return are doubles in any case. */
 enum {
   MSIM_PRECISION_DOUBLE = 0,
-  MSIM_PRECISION_SINGLE = 1, /* floats, for explicit methods up to order 4 with steps of h, in
-                                scenes of springs without laws: faster, with errors of some 1e-5 */
+  MSIM_PRECISION_SINGLE = 1, /* floats, for explicit methods up to order 4 with steps of h and
+                                linearly-implicit-euler, in scenes of springs without laws: faster,
+                                with errors of some 1e-5 */
   MSIM_PRECISION_AUTO = 2    /* floats where integrator = auto chooses a method that keeps tol with
                                 them; else doubles, as with every method that is named */
 };

@@ -5,6 +5,7 @@
 #include "physics/external_force.h"
 #include "physics/force_function.h"
 #include "physics/rank_model.h"
+#include "physics/single.h"
 
 /* The step without springs, by independent equations, with the drag b and the constant force F:
  *   (m + h b) v' = m v + h (m g + F),  x' = x + h v' */
@@ -33,37 +34,38 @@ static void step_without_springs(ms_stepper *s) {
  * f(t + h, x, v), and h^2 df/dx v is added. This is the first Newton
  * iterate of implicit Euler from v' = 0, (M - h D - h^2 J) v' = M v + h F (Teschner), solved for
  * the change of v (Baraff and Witkin 1998, eq. 6): so the tolerance of the solver is relative to
- * the change in the step, for any common velocity of the particles. */
+ * the change in the step, for any common velocity of the particles.
+ * In single precision x, v and F are floats, and the system has doubles. */
 static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) {
   if (!(s->model->features & MS_HAS_SPRINGS) && !ms_stepper_has_contacts(s) &&
-      !s->model->function) {
+      !s->model->function && !s->model->single) {
     step_without_springs(s);
     return MSIM_OK;
   }
-  const ms_shape shape = s->model->shape;
+  const ms_shape shape = s->model->state_shape;
   double *dv = s->work[0], *b = s->scratch;
   double *v_pinned = ms_rank_model_may_have_motions(s->model) ? b : NULL;
   if (v_pinned) ms_vector_clear_all(shape, b), s->c = 1;
   if (s->model->function) s->c = 1;
   ms_stepper_evaluate(s, &(ms_fused_step){.x = s->x, .v = v_pinned, .function_v = s->v, .a = dv});
-  ms_vector_scale_rows(shape, s->model->mass, dv, b);
-  ms_vector_scale(shape, s->h, b);
+  ms_single_weigh(s->model, s->h, dv, b);
   ms_stepper_linearize(s, s->x, s->v);
   if (s->model->function) ms_force_function_add_gradient(s->model, s->h * s->h, s->v, b);
-  ms_linear_system_spec spec = {.x = s->x,
+  ms_linear_system_spec spec = {.x = ms_single_get_x(s->model, s->x),
                                 .h = s->h,
                                 .clamp = s->opt->jacobian == MSIM_JACOBIAN_CLAMP,
                                 .indefinite = s->opt->indefinite,
                                 .rtol = s->solve_tolerance > 0
                                             ? fmin(s->opt->solver_rtol, s->solve_tolerance)
                                             : s->opt->solver_rtol,
-                                .base = s->v};
+                                .base = ms_single_get_v(s->model, s->v)};
   ms_stepper_add_constraints(s, &spec);
   msim_status status = ms_solver_solve(s->solver, &spec, b, dv, err);
   s->offender = s->solver->offender;
   if (status) return status;
   s->incomplete |= s->solver->incomplete;
-  ms_vector_add_scaled(shape, s->v, 1, dv, s->v_next);
+  const void *change = ms_single_round(s->model, dv, b);
+  ms_vector_add_scaled(shape, s->v, 1, change, s->v_next);
   ms_vector_add_scaled(shape, s->x, s->h, s->v_next, s->x_next);
   ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;

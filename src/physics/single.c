@@ -209,6 +209,29 @@ const double *ms_single_subtract_v(const ms_model *model, const void *a, const v
   return subtract(model, a, b, model->single ? model->single->v : NULL, to);
 }
 
+void ms_single_weigh(const ms_model *model, double s, const void *a, double *f) {
+  const ms_unknowns *rows = &model->unknowns;
+  if (!model->single) {
+    ms_vector_scale_rows(model->shape, model->mass, a, f);
+    ms_vector_scale(model->shape, s, f);
+    return;
+  }
+  for (int32_t c = 0; c < rows->dims; c++) {
+    const size_t at = (size_t)c * (size_t)rows->stride;
+    const float *of = (const float *)a + at;
+    for (int32_t r = 0; r < rows->nfree; r++) f[at + (size_t)r] = s * (model->mass[r] * of[r]);
+  }
+}
+
+const void *ms_single_round(const ms_model *model, const double *vec, void *to) {
+  const ms_unknowns *rows = &model->unknowns;
+  for (int32_t c = 0; c < rows->dims && model->single; c++) {
+    const size_t at = (size_t)c * (size_t)rows->stride;
+    narrow((size_t)rows->nfree, vec + at, (float *)to + at);
+  }
+  return model->single ? to : vec;
+}
+
 void ms_single_take_changes(const ms_model *model, void *x, void *v) {
   const ms_single *s = model->single;
   take_changes(model, s->x, s->origin, x);

@@ -58,6 +58,11 @@ const double *ms_single_get_v(const ms_model *model, const void *vec);
 const double *ms_single_subtract_x(const ms_model *model, const void *a, const void *b, double *to);
 const double *ms_single_subtract_v(const ms_model *model, const void *a, const void *b, double *to);
 
+/* f = s M a for the result `a` of a force sweep, as a vector of doubles; and such a vector as one
+ * that a stepper adds to its sums: itself, or in single precision rounded, in `to` */
+void ms_single_weigh(const ms_model *model, double s, const void *a, double *f);
+const void *ms_single_round(const ms_model *model, const double *vec, void *to);
+
 /* For models in single precision: the unknowns likewise to a vector of the caller; and back to the
  * stepper the numbers of single->x and v that differ from its own */
 void ms_single_widen_x(const ms_model *model, const void *vec, double *to);

@@ -138,8 +138,9 @@ static const option table[] = {
          heun_collision),
     PICK("precision", "double | single | auto", "auto",
          "precision of positions, velocities and forces in steps; single: faster, with errors of "
-         "some 1e-5, for explicit methods up to order 4 with steps of h; auto: double, but single "
-         "where integrator = auto keeps tol with it",
+         "some 1e-5, for explicit methods up to order 4 with steps of h and "
+         "linearly-implicit-euler; "
+         "auto: double, but single where integrator = auto keeps tol with it",
          precision),
     PICK("verlet.start", "taylor | plain", "taylor", "velocity at -h/2: v0 - h/2 a0, or v0 itself",
          verlet_start),

@@ -14,6 +14,8 @@ static refusal find_refused_option(const msim_sim *sim) {
   if (ms_sim_has_control(sim))
     return (refusal){"error control (tol; dop853 without steps)", "use steps of h, without tol"};
   if (sim->part) return (refusal){"ranks", "use one process"};
+  if (sim->config.integrator->entry.implicit && sim->scene->ncolliders)
+    return (refusal){"colliders in implicit steps", "use planes only, an explicit method"};
   if (ms_scene_has_obstacles(sim->scene) && sim->config.opt.collision == MSIM_COLLISION_EVENT)
     return (refusal){"collision = event at planes and colliders", "use collision = reflect"};
   return (refusal){NULL, NULL};
@@ -33,10 +35,11 @@ const char *ms_precision_find_obstacle(const ms_scene *scene) {
   return ms_single_check_scene(scene, NULL) ? "masses or springs beyond the range of floats" : NULL;
 }
 
-/* Rounding errors of floats exceed the errors of methods of higher order at any step. */
+/* Rounding errors of floats exceed the errors of methods of higher order at any step, and the
+ * tolerance of Newton's method. */
 int ms_precision_supports_method(const ms_integrator *method) {
   enum { HIGHEST_ORDER = 4 };
-  return !method->entry.implicit && !method->is_multirate && method->entry.order <= HIGHEST_ORDER;
+  return !method->nonlinear && !method->is_multirate && method->entry.order <= HIGHEST_ORDER;
 }
 
 msim_status ms_precision_check(const msim_sim *sim, msim_error *err) {
@@ -52,8 +55,8 @@ msim_status ms_precision_check(const msim_sim *sim, msim_error *err) {
   if (!ms_precision_supports_method(sim->config.integrator))
     return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
                         "precision = single does not support integrator '%s'; use velocity-verlet, "
-                        "force-gradient or another explicit method up to order 4, or precision = "
-                        "double",
+                        "force-gradient or another explicit method up to order 4, "
+                        "linearly-implicit-euler, or precision = double",
                         sim->config.integrator->entry.name);
   return ms_single_check_scene(sim->scene, err);
 }
