@@ -76,6 +76,7 @@ struct ms_linear {
   int exact;          /* solutions are exact to rounding: no check */
   int is_verified;    /* the last solve has verified that its true residual is within the target */
   double residual;    /* that residual, ||b - A y|| */
+  double *work[3];    /* vectors that others may use between its calls; NULL: it has none */
   int64_t analyses;   /* symbolic analyses made */
   int32_t aggregates; /* of the coarse space; 0: no coarse space */
   double fill, flops; /* of one factorization: numbers in the factor, operations */

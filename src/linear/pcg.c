@@ -341,6 +341,7 @@ static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   if (!s->r) return ms_error_set_memory(err, "conjugate gradients");
   s->z = s->r + vector, s->p = s->z + vector, s->q = s->p + vector;
   s->jacobi = (ms_jacobi){.block = s->base.system->a.block, .scale = 1, .inverse = s->p};
+  s->base.work[0] = s->z, s->base.work[1] = s->p, s->base.work[2] = s->q;
   return MSIM_OK;
 }
 

@@ -46,6 +46,24 @@ static msim_status start_lagging(ms_solver *s, ms_linear *by, msim_error *err) {
   return status ? status : ms_lagged_factor_create(&s->system, by, &s->lagged_factor, err);
 }
 
+/* Take the work vectors of the linear solver, which idles while they are used, or new ones; on
+ * failure they stay as they are. */
+static msim_status create_work_vectors(ms_solver *s, const ms_linear *linear, msim_error *err) {
+  const ms_model *model = s->system.model;
+  double *work[3] = {linear->work[0], linear->work[1], linear->work[2]};
+  if (!work[0] && !MS_NEW_VECTORS(model->scene, &model->unknowns, &work[0], &work[1], &work[2])) {
+    MS_FREE(&model->scene->alloc, work[0], work[1], work[2]);
+    return ms_error_set_memory(err, "the linear solver");
+  }
+  s->residual = work[0], s->correction = work[1], s->magnitude = work[2];
+  return MSIM_OK;
+}
+
+static void destroy_work_vectors(const ms_solver *s) {
+  if (s->linear && !s->linear->work[0])
+    MS_FREE(&s->system.model->scene->alloc, s->residual, s->correction, s->magnitude);
+}
+
 static msim_status take_choice(ms_solver *s, const ms_solver_choice *choice, msim_error *err) {
   s->linear = choice->linear;
   s->stats->analyses += s->linear->analyses;
@@ -70,12 +88,12 @@ static msim_status solver_set_up(ms_solver *s, double h, msim_error *err) {
   msim_status status = ms_coefficients_create(model, &s->system.a, err);
   if (!status) status = ms_momentum_create_components(model, &s->components, err);
   if (status) return status;
-  if (!MS_NEW_VECTORS(model->scene, &model->unknowns, &s->b, &s->residual, &s->correction,
-                      &s->magnitude))
+  if (!MS_NEW_VECTORS(model->scene, &model->unknowns, &s->b))
     return ms_error_set_memory(err, "the linear solver");
   ms_solver_choice choice;
   status = ms_solver_choice_make(&s->system, s->opt, h, &choice, err);
   s->linear = choice.linear;
+  if (!status) status = create_work_vectors(s, s->linear, err);
   if (status) return status;
   s->may_switch = strcmp(s->opt->solver, "auto") == 0 && strcmp(s->linear->name, "pcg") == 0;
   return take_choice(s, &choice, err);
@@ -108,6 +126,7 @@ msim_status ms_solver_create(const ms_model *model, const msim_options *opt, dou
 void ms_solver_destroy(ms_solver *s) {
   if (!s) return;
   const ms_model *model = s->system.model;
+  destroy_work_vectors(s);
   if (s->linear) s->linear->ops->destroy(s->linear);
   ms_solver_drop_lagged_factor(s);
   destroy_linearization_point(s, &s->coarse_point);
@@ -115,7 +134,7 @@ void ms_solver_destroy(ms_solver *s) {
   ms_momentum_destroy_components(model, &s->components);
   ms_elimination_destroy(model, &s->elimination);
   ms_bicgstab_destroy(model, &s->bicgstab);
-  MS_FREE(&model->scene->alloc, s->b, s->residual, s->correction, s->magnitude, s);
+  MS_FREE(&model->scene->alloc, s->b, s);
 }
 
 void ms_solver_discard_factors(ms_solver *s) {
@@ -312,6 +331,11 @@ msim_status ms_solver_switch_to_cholmod(ms_solver *s, msim_error *err) {
   s->may_switch = 0;
   msim_status status = ms_adapter_create(&s->system, "cholmod", s->opt, &choice.linear, err);
   if (status) return status;
+  status = create_work_vectors(s, choice.linear, err);
+  if (status) {
+    choice.linear->ops->destroy(choice.linear);
+    return status;
+  }
   s->linear->ops->destroy(s->linear);
   ms_solver_drop_lagged_factor(s);
   s->stats->fallbacks++;

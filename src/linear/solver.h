@@ -45,7 +45,7 @@ typedef struct ms_solver {
   ms_bicgstab bicgstab;       /* for pcg and auto, with Newton's method and damping; else empty */
   ms_elimination elimination; /* likewise, with few unknowns */
   double *b;                  /* the right-hand side of a spec with a base */
-  double *residual, *correction, *magnitude; /* work vectors */
+  double *residual, *correction, *magnitude; /* work vectors, those of `linear` if it has any */
   double relative_residual; /* ||b - A v|| / ||b|| of the last solve, in ms_jacobi_norm() */
   int incomplete;           /* 1: the last solution is the iterate at the limit of iterations */
   int32_t offender;         /* the offending unknown of the last status != MSIM_OK; -1: none */
