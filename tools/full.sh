@@ -180,7 +180,7 @@ wheel_libraries() {
 # python_tests MARKS
 python_tests() {
   MSIM_WHEEL_LIBRARIES=$top/build/wheel_libraries \
-    build/python/bin/pytest -q -rs -m "$1" tools/python/tests
+    build/python/bin/pytest -q -rfs -m "$1" tools/python/tests
 }
 
 # The package for Python, installed from source in an environment of its own

@@ -31,8 +31,9 @@ msim_status ms_scene_begin_faces(msim_scene *scene, int32_t n, msim_error *err) 
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
   const ms_array faces = {&s->faces, 3 * sizeof *s->faces};
-  return ms_memory_reserve(&s->alloc, faces, s->nfaces, &s->face_capacity, (int64_t)s->nfaces + n,
-                           err);
+  const int64_t total = (int64_t)s->nfaces + n,
+                room = total > 0 ? total : 1; /* so that the array has an address */
+  return ms_memory_reserve(&s->alloc, faces, s->nfaces, &s->face_capacity, room, err);
 }
 
 msim_status ms_scene_end_faces(ms_scene *s, int32_t n, msim_error *err) {

@@ -251,7 +251,8 @@ msim_status ms_scene_begin_springs(msim_scene *scene, int32_t n, msim_error *err
   if (total > INT32_MAX)
     return ms_error_set(err, MSIM_ERR_ARG, "%lld springs exceed the limit of %d", (long long)total,
                         INT32_MAX);
-  return ms_scene_reserve_springs(s, total, err) ? MSIM_OK : MSIM_ERR_MEMORY;
+  const int64_t room = total > 0 ? total : 1; /* so that arrays have addresses */
+  return ms_scene_reserve_springs(s, room, err) ? MSIM_OK : MSIM_ERR_MEMORY;
 }
 
 msim_status ms_scene_end_springs(ms_scene *s, int32_t n, int has_rest, msim_error *err) {
