@@ -14,7 +14,7 @@ def test_snippets(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names = {}
     snippets = re.findall(r"```python\n(.*?)```", README.read_text(), re.S)
-    assert len(snippets) == 9
+    assert len(snippets) == 10
     for snippet in snippets:
         exec(compile(snippet, str(README), "exec"), names)
     assert "did you mean 'h'?" in capsys.readouterr().out
