@@ -13,7 +13,7 @@
 #include "rank_runs.h"
 #include "scene_part_file.h"
 #include "scene/section.h"
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 
 /*------------------------------------- parts ----------------------------------------------------*/
 
@@ -188,6 +188,82 @@ static void runs_have_the_bits_of_one_process(void **state) {
   }
 }
 
+/*------------------------------------- parts of sims --------------------------------------------*/
+
+/* What a sim keeps is the same, whether ranks have read the whole scene or parts. */
+static const char *compare_kept(const msim_comm *comm, const msim_sim *a, const msim_sim *b) {
+  const msim_error why = {0};
+  const ms_rank_scene *k = a->kept, *l = b->kept;
+  const ms_rank_part *p = a->part, *q = b->part;
+  const ms_unknowns *u = &a->islands->model.unknowns, *w = &b->islands->model.unknowns;
+  const int64_t own = ms_rank_part_count(p, comm->rank);
+  EXPECT(k && l && k->nparticles == l->nparticles && k->nsprings == l->nsprings);
+  EXPECT(are_same_scenes(a->scene, b->scene) && are_same_scenes(k->slice, l->slice));
+  EXPECT(is_same(k->particle, l->particle, a->scene->nparticles, 4));
+  EXPECT(is_same(k->spring, l->spring, a->scene->nsprings, 4));
+  EXPECT(is_same(k->owner, l->owner, k->is.n, 4) && memcmp(&k->is, &l->is, sizeof k->is) == 0);
+  EXPECT(is_same(p->place, q->place, own, 4) && is_same(p->bytes, q->bytes, comm->nranks, 8));
+  EXPECT(p->whole.n == q->whole.n && is_same(p->whole.hash, q->whole.hash, p->whole.n, 8));
+  EXPECT(!p->owner && !q->owner && !q->number && !l->order);
+  EXPECT(u->dims == w->dims && u->stride == w->stride && u->nfree == w->nfree);
+  EXPECT(is_same(u->particle, w->particle, u->stride, 4));
+  EXPECT(a->monitor.start_bound == b->monitor.start_bound);
+  EXPECT(a->monitor.extent == b->monitor.extent && a->monitor.least_mass == b->monitor.least_mass);
+  EXPECT(is_same(a->scene_hashes, b->scene_hashes, MS_SCENE_HASHES, 8));
+  return NULL;
+}
+
+/* The last note of a sim */
+static void keep_note(const char *text, void *user) { snprintf(user, 300, "%s", text); }
+
+/* data: the step */
+static const char *compare_sims(msim_comm *comm, void *data) {
+  msim_options opt = options("velocity-verlet", *(const double *)data);
+  msim_error why = {0};
+  char notes[2][300] = {"", ""};
+  msim_scene *scenes[2];
+  msim_sim *sims[2];
+  opt.comm = comm, opt.threads = 1, opt.warn = keep_note;
+  EXPECT(msim_scene_load(NULL, path, &scenes[0], &why) == MSIM_OK);
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &scenes[1], &why) == MSIM_OK);
+  for (int i = 0; i < 2; i++) {
+    opt.warn_user = notes[i];
+    EXPECT(msim_sim_create(scenes[i], &opt, &sims[i], &why) == MSIM_OK);
+    msim_scene_destroy(scenes[i]);
+  }
+  const char *wrong = compare_kept(comm, sims[0], sims[1]);
+  EXPECT(strcmp(notes[0], notes[1]) == 0);
+  for (int i = 0; i < 2; i++) msim_sim_destroy(sims[i]);
+  return wrong;
+}
+
+static void compare_all_sims(const msim_scene *scene, double h, unsigned seed) {
+  save(scene);
+  for (int32_t n = 2; n <= MOST_RANKS; n += 1 + (int32_t)seed % 3) {
+    const char *wrong = run_ranks(n, compare_sims, &h);
+    if (wrong) fail_msg("seed %u, %d ranks: %s", seed, n, wrong);
+  }
+}
+
+/* Every third one in a plane that nothing leaves, the others above planes or behind them */
+static void sims_of_parts_are_those_of_the_whole(void **state) {
+  (void)state;
+  const double zero[3] = {0};
+  for (unsigned seed = 1; seed <= 60; seed++) {
+    msim_scene *scene = draw_scene(NULL, seed);
+    const msim_plane plane = {.normal = {0, 0, 1}, .offset = -3 + (double)(seed % 5)};
+    ms_scene *s = scene->data;
+    for (int32_t p = 0; p < s->nparticles && seed % 3 == 0; p++)
+      s->x[3 * p + 1] = 0.5, s->v[3 * p + 1] = 0;
+    for (int32_t p = 0; p < s->nparticles && seed % 3 == 0 && s->force; p++)
+      s->force[3 * p + 1] = 0;
+    if (seed % 3 == 0) assert_ok(msim_scene_set_gravity(scene, zero, err));
+    else assert_ok(msim_scene_add_plane(scene, &plane, err));
+    compare_all_sims(scene, seed % 4 ? 1e-4 : 10, seed);
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- memory ---------------------------------------------------*/
 
 /* A particle has 57 bytes and takes 80 while it is read, a spring 32, a face 12; a part of an array
@@ -211,6 +287,59 @@ static void memory_falls_with_ranks(void **state) {
       msim_scene_destroy(part);
       assert_int_equal(m.live, 0);
     }
+  msim_scene_destroy(scene);
+}
+
+typedef struct shared_memory {
+  size_t alone; /* bytes of the sim of one process */
+  const ms_scene *scene;
+} shared_memory;
+
+/* A rank has what it keeps, its share of a sim in one process and of the scene, twice, with at most
+ * 60 bytes a row in messages; rank 0 the layout of the whole scene, too, 37 bytes a particle and 40
+ * a spring, with owners, pins and ends, 5 and 8. */
+static const char *measure_creation(msim_comm *comm, void *data) {
+  const shared_memory *of = data;
+  const size_t n = (size_t)comm->nranks, rows = (size_t)of->scene->nparticles,
+               springs = (size_t)of->scene->nsprings, faces = (size_t)of->scene->nfaces,
+               scene = 57 * rows + 32 * springs + 12 * faces, root = 42 * rows + 48 * springs;
+  peak_allocator m = {0};
+  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_error why = {0};
+  msim_sim *sim;
+  msim_scene *part;
+  opt.comm = comm, opt.threads = 1;
+  EXPECT(msim_scene_load_part(&alloc, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  m.peak = m.live;
+  EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_OK);
+  const size_t share = (of->alone + 2 * scene + 60 * rows) / n + (1 << 16),
+               most = comm->rank == 0 && share < root + scene / n ? root + scene / n : share;
+  EXPECT(m.peak <= most + most / 10);
+  msim_scene_destroy(part);
+  msim_sim_destroy(sim);
+  EXPECT(m.live == 0);
+  return NULL;
+}
+
+static void creation_falls_with_ranks(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(150, 100, 0);
+  const msim_options opt = options("velocity-verlet", 1e-4);
+  peak_allocator m = {0};
+  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
+  msim_scene *alone;
+  save(scene);
+  assert_ok(msim_scene_load(&alloc, path, &alone, err));
+  const size_t loaded = m.live;
+  msim_sim *sim = make_sim(alone, &opt);
+  shared_memory of = {m.live - loaded, scene->data};
+  msim_sim_destroy(sim);
+  msim_scene_destroy(alone);
+  for (int32_t n = 2; n <= 8; n *= 2) {
+    const char *wrong = run_ranks(n, measure_creation, &of);
+    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+  }
   msim_scene_destroy(scene);
 }
 
@@ -302,7 +431,9 @@ int main(void) {
       cmocka_unit_test(parts_are_the_file),
       cmocka_unit_test(other_scenes_are_whole),
       cmocka_unit_test(runs_have_the_bits_of_one_process),
+      cmocka_unit_test(sims_of_parts_are_those_of_the_whole),
       cmocka_unit_test(memory_falls_with_ranks),
+      cmocka_unit_test(creation_falls_with_ranks),
       cmocka_unit_test(each_allocation_of_a_load_fails),
       cmocka_unit_test(failures_of_one_rank_are_those_of_all),
   };

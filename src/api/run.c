@@ -17,7 +17,8 @@ msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, ms
   msim_status status = ms_sim_create(scene, opt, ms_method_choice_make, sim, err);
   if (status || !(*sim)->ranks) return status;
   ms_fingerprint_hash_scene(*sim);
-  status = ms_rank_scene_divide(*sim, err);
+  status = ms_ranks_agree((*sim)->ranks, MSIM_OK, err);
+  if (!status) status = ms_rank_scene_divide(*sim, err);
   if (!status) return ms_error_clear(err);
   msim_sim_destroy(*sim);
   *sim = NULL;

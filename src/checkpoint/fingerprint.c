@@ -41,9 +41,52 @@ static void list_arrays(const ms_scene *s, const ms_scene *created, array arrays
   memcpy(arrays, list, sizeof list);
 }
 
+/* The hash of an array that is passed on in pieces of any length */
+typedef struct hash_state {
+  uint64_t hash;
+  size_t n; /* bytes of the last word, which is not complete */
+  unsigned char last[8];
+} hash_state;
+
+static void add_piece(hash_state *s, const void *data, size_t size) {
+  const unsigned char *at = data, *end = at + size;
+  while (s->n && s->n < sizeof s->last && at < end) s->last[s->n++] = *at++;
+  if (s->n == sizeof s->last) s->hash = ms_archive_hash_words(s->hash, s->last, s->n), s->n = 0;
+  const size_t left = (size_t)(end - at), rest = left % sizeof s->last;
+  if (s->n || left == 0) return;
+  s->hash = ms_archive_hash_words(s->hash, at, left);
+  memcpy(s->last, end - rest, rest);
+  s->n = rest;
+}
+
+/* Of slices the hashes pass from rank to rank. */
+static void hash_slices(msim_sim *sim) {
+  const ms_rank_scene *kept = sim->kept;
+  const ms_scene counts = {
+      .nparticles = kept->nparticles, .nsprings = kept->nsprings, .force = kept->slice->force};
+  array mine[MS_SCENE_HASHES], whole[MS_SCENE_HASHES];
+  hash_state states[MS_SCENE_HASHES] = {{0}};
+  list_arrays(kept->slice, kept->slice, mine);
+  list_arrays(&counts, &counts, whole);
+  for (int i = 0; i < MS_SCENE_HASHES; i++)
+    states[i].hash = ms_archive_hash_begin(0, whole[i].bytes);
+  for (int32_t r = 0; r < sim->ranks->n; r++) {
+    for (int i = 0; i < MS_SCENE_HASHES && r == sim->ranks->rank; i++)
+      add_piece(&states[i], mine[i].data, mine[i].bytes);
+    ms_ranks_broadcast(sim->ranks, r, sizeof states, states);
+  }
+  for (int i = 0; i < MS_SCENE_HASHES && !sim->ranks->failed; i++)
+    sim->scene_hashes[i] = ms_archive_hash_last(states[i].hash, states[i].last, states[i].n);
+  sim->scene_is_hashed = 1;
+}
+
 void ms_fingerprint_hash_scene(msim_sim *sim) {
   array arrays[MS_SCENE_HASHES];
   if (sim->scene_is_hashed) return;
+  if (sim->kept) {
+    hash_slices(sim);
+    return;
+  }
   list_arrays(unedited_scene(sim), created_scene(sim), arrays);
   for (int i = 0; i < MS_SCENE_HASHES; i++)
     sim->scene_hashes[i] = ms_archive_hash(0, arrays[i].data, arrays[i].bytes);

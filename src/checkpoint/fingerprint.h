@@ -10,7 +10,8 @@
 /* Called for each entry. is_hash: the value is a hash, for comparison only. */
 typedef void ms_fingerprint_visitor(void *data, const char *name, const char *value, int is_hash);
 
-/* Hash the arrays of the scene, unless that is done; changed springs need new hashes. */
+/* Hash the arrays of the scene, unless that is done; changed springs need new hashes. Collective
+ * where ranks have slices; a failure of the communicator is kept for the next agreement. */
 void ms_fingerprint_hash_scene(msim_sim *sim);
 
 /* Pass all entries to `mark`. Call ms_fingerprint_hash_scene() before: these hashes are listed,

@@ -2,7 +2,20 @@
 
 #include <string.h>
 
+#include "scene/section.h"
+
 /*------------------------------------- creation -------------------------------------------------*/
+
+/* The number of a particle in the whole scene, and the particle of this number, or -1 */
+static int64_t get_number(const ms_rank_part *part, int32_t particle) {
+  return part->number ? part->number[particle] : particle;
+}
+
+static int32_t find_particle(const ms_scene *s, const ms_rank_part *part, int64_t number) {
+  if (!part->number) return number >= 0 && number < s->nparticles ? (int32_t)number : -1;
+  const int32_t p = ms_section_search(s->nparticles, part->number, (int32_t)number);
+  return s->nparticles && part->number[p] == number ? p : -1;
+}
 
 /* What ranks want of each other: 64-bit numbers of particles */
 typedef struct requests {
@@ -23,7 +36,7 @@ static int create_requests(const ms_scene *s, const ms_unknowns *rows, const ms_
   for (int32_t p = 0; p < s->nparticles; p++) q->row[p] = -1;
   ms_unknowns_find_rows(rows, q->row);
   for (int32_t r = rows->first_pinned; r < rows->first_fixed; r++) {
-    q->in[r - rows->first_pinned] = rows->particle[r];
+    q->in[r - rows->first_pinned] = get_number(part, rows->particle[r]);
     q->nin[part->owner[rows->particle[r]]]++;
   }
   return 1;
@@ -66,16 +79,16 @@ static void list_neighbours(const requests *q, ms_halo *h) {
 }
 
 /* Ranks ask for each other's unknowns, unless their scenes differ. */
-static msim_status list_rows(const ms_scene *s, const ms_unknowns *rows, const requests *q,
-                             ms_halo *h, msim_error *err) {
+static msim_status list_rows(const ms_scene *s, const ms_unknowns *rows, const ms_rank_part *part,
+                             const requests *q, ms_halo *h, msim_error *err) {
   for (int32_t i = 0; i < h->first_out[h->n]; i++) {
-    const int64_t p = q->out[i];
-    h->out[i] = p >= 0 && p < s->nparticles ? q->row[p] : -1;
+    const int32_t p = find_particle(s, part, q->out[i]);
+    h->out[i] = p >= 0 ? q->row[p] : -1;
     if (h->out[i] < 0 || h->out[i] >= rows->nfree)
       return ms_error_set(err, MSIM_ERR_ARG,
                           "rank %d does not compute particle %lld, as another rank expects; create "
                           "the sims of all ranks from the same scene",
-                          h->ranks->rank, (long long)p);
+                          h->ranks->rank, (long long)q->out[i]);
   }
   return MSIM_OK;
 }
@@ -97,7 +110,7 @@ msim_status ms_halo_create(const ms_scene *scene, const ms_unknowns *rows, const
   if (!status) {
     send_requests(ranks, &q);
     list_neighbours(&q, h);
-    status = ranks->failed ? MSIM_OK : list_rows(scene, rows, &q, h, err);
+    status = ranks->failed ? MSIM_OK : list_rows(scene, rows, part, &q, h, err);
     status = ms_ranks_agree(ranks, status, err);
   }
   destroy_requests(scene, &q);

@@ -11,35 +11,65 @@ static int is_own(const ms_rank_part *part, int32_t p) {
 
 /*------------------------------------- division -------------------------------------------------*/
 
-static int create_scratch(const ms_scene *scene, ms_rank_part *part) {
-  const size_t n = (size_t)part->ranks->n;
-  size_t own = 0, all = 0;
-  if (!MS_NEW(&scene->alloc, part->bytes, n) || !MS_NEW(&scene->alloc, part->next, n) ||
-      !MS_NEW(&scene->alloc, part->send_bytes, n) ||
-      !MS_NEW(&scene->alloc, part->receive_bytes, n) || !MS_NEW(&scene->alloc, part->bounds, n + 1))
-    return 0;
-  for (int32_t p = 0; p < scene->nparticles; p++) {
-    own += is_own(part, p) ? 1 : 0, all += part->owner[p] >= 0 ? 1 : 0;
-    if (part->owner[p] >= 0) part->bytes[part->owner[p]] += (int64_t)sizeof(double);
-  }
-  part->most_received = (int32_t)(all / n) + 1;
-  return MS_NEW(&scene->alloc, part->own, own) && MS_NEW(&scene->alloc, part->all, all) &&
-         MS_NEW(&scene->alloc, part->send, own + n) &&
-         MS_NEW(&scene->alloc, part->receive, part->most_received);
+static ms_rank_part *create_empty(const msim_allocator *alloc, ms_ranks *ranks) {
+  const size_t n = (size_t)ranks->n;
+  ms_rank_part *p = ms_memory_allocate(alloc, 1, sizeof *p);
+  if (!p) return NULL;
+  p->ranks = ranks;
+  if (MS_NEW(alloc, p->bytes, n) && MS_NEW(alloc, p->next, n) && MS_NEW(alloc, p->send_bytes, n) &&
+      MS_NEW(alloc, p->receive_bytes, n) && MS_NEW(alloc, p->bounds, n + 1))
+    return p;
+  ms_rank_part_destroy(alloc, p);
+  return NULL;
+}
+
+static int assign_owners(const ms_scene *scene, ms_rank_part *p) {
+  int32_t *scratch = NULL;
+  const int fits = MS_NEW(&scene->alloc, p->owner, scene->nparticles) &&
+                   MS_NEW(&scene->alloc, scratch, scene->nparticles);
+  if (fits) ms_bisection_assign(scene, p->ranks->n, p->owner, scratch);
+  for (int32_t i = 0; i < scene->nparticles && fits; i++)
+    if (p->owner[i] >= 0) p->bytes[p->owner[i]] += (int64_t)sizeof(double);
+  ms_memory_free(&scene->alloc, scratch);
+  return fits;
+}
+
+static int64_t count_free(const ms_rank_part *part) {
+  int64_t n = 0;
+  for (int32_t r = 0; r < part->ranks->n; r++) n += ms_rank_part_count(part, r);
+  return n;
+}
+
+static int create_scratch(const msim_allocator *alloc, ms_rank_part *part) {
+  const int64_t own = ms_rank_part_count(part, part->ranks->rank);
+  part->most_received = (int32_t)(count_free(part) / part->ranks->n) + 1;
+  return MS_NEW(alloc, part->own, own) && MS_NEW(alloc, part->send, own + part->ranks->n) &&
+         MS_NEW(alloc, part->receive, part->most_received);
+}
+
+static msim_status refuse_memory(msim_error *err) {
+  return ms_error_set_memory(err, "the parts of the ranks");
 }
 
 msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
                                 msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
-  int32_t *scratch = NULL;
-  ms_rank_part *p = *part = ms_memory_allocate(alloc, 1, sizeof *p);
-  if (p) p->ranks = ranks;
-  int fits =
-      p && MS_NEW(alloc, p->owner, scene->nparticles) && MS_NEW(alloc, scratch, scene->nparticles);
-  if (fits) ms_bisection_assign(scene, ranks->n, p->owner, scratch);
-  fits = fits && create_scratch(scene, p);
-  ms_memory_free(alloc, scratch);
-  return fits ? MSIM_OK : ms_error_set_memory(err, "the parts of the ranks");
+  ms_rank_part *p = *part = create_empty(alloc, ranks);
+  const int fits = p && assign_owners(scene, p) && create_scratch(alloc, p) &&
+                   MS_NEW(alloc, p->all, count_free(p));
+  return fits ? MSIM_OK : refuse_memory(err);
+}
+
+msim_status ms_rank_part_create_on_root(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
+                                        msim_error *err) {
+  const msim_allocator *alloc = &scene->alloc;
+  ms_rank_part *p = *part = create_empty(alloc, ranks);
+  int fits = p && (ranks->rank > 0 || assign_owners(scene, p));
+  msim_status status = ms_ranks_agree(ranks, fits ? MSIM_OK : refuse_memory(err), err);
+  if (status) return status;
+  ms_ranks_broadcast(ranks, 0, ranks->n * (int64_t)sizeof *p->bytes, p->bytes);
+  fits = ranks->failed || create_scratch(alloc, p);
+  return ms_ranks_agree(ranks, fits ? MSIM_OK : refuse_memory(err), err);
 }
 
 void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *islands) {
@@ -49,14 +79,12 @@ void ms_whole_islands_destroy(const msim_allocator *alloc, ms_whole_islands *isl
 
 void ms_rank_part_forget_whole(const msim_allocator *alloc, ms_rank_part *part) {
   MS_FREE(alloc, part->owner, part->all);
-  part->owner = NULL, part->all = NULL;
+  part->owner = NULL, part->all = NULL, part->number = NULL;
 }
 
 int ms_rank_part_provide_whole(const ms_scene *scene, ms_rank_part *part) {
-  int64_t nfree = 0;
-  for (int32_t r = 0; r < part->ranks->n; r++) nfree += ms_rank_part_count(part, r);
   return MS_NEW(&scene->alloc, part->owner, scene->nparticles) &&
-         MS_NEW(&scene->alloc, part->all, nfree);
+         MS_NEW(&scene->alloc, part->all, count_free(part));
 }
 
 void ms_rank_part_keep_order(const msim_allocator *alloc, ms_rank_part *part,

@@ -27,6 +27,8 @@ typedef struct ms_rank_part {
   /* nparticles: the rank of each free particle (bisection.h); NULL where the rank does not have the
    * whole scene, as is `all` */
   int32_t *owner;
+  const int32_t *number; /* of the particles of a part of the scene, which is all that the rank has,
+                             their numbers in the whole one, ascending; NULL: it has the whole */
   ms_whole_islands whole; /* own unknowns are in this order; empty before islands are built */
   int32_t *place;         /* of each own unknown, in this order */
   int64_t *bytes;         /* nranks: those of one number of each own particle */
@@ -54,6 +56,11 @@ void ms_rank_part_keep_order(const msim_allocator *alloc, ms_rank_part *part,
  * be destroyed. */
 msim_status ms_rank_part_create(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
                                 msim_error *err);
+
+/* The same where rank 0 alone has the scene: x and pinned. The others have no owners. Collective,
+ * with the same status on all ranks. */
+msim_status ms_rank_part_create_on_root(const ms_scene *scene, ms_ranks *ranks, ms_rank_part **part,
+                                        msim_error *err);
 
 /* Free what refers to the whole scene; make room for it again: 0 without memory. */
 void ms_rank_part_forget_whole(const msim_allocator *alloc, ms_rank_part *part);

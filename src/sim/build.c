@@ -52,6 +52,10 @@ static msim_status create_islands(const msim_sim *sim, ms_rank_order *order, ms_
                                   msim_error *err) {
   const int whole = (sim->config.opt.skip_off & MSIM_SKIP_ISLANDS) != 0;
   if (!sim->part) return ms_islands_create(sim->scene, whole, islands, err);
+  if (sim->kept) {
+    ms_rank_scene_take_order(&sim->alloc, sim->kept, order);
+    return ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
+  }
   const msim_status status = ms_rank_order_create(sim->scene, sim->part, whole, order, err);
   return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
 }

@@ -153,6 +153,40 @@ static void share_facts(ms_ranks *ranks, scene_facts *f) {
                      .depth = most[4]};
 }
 
+/* The scene, or the slice of one rank, takes its pinned particles and springs into account. */
+static void add_scene_facts(const ms_scene *s, double t, scene_facts *f, ms_totals *box) {
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    const double *x = s->x + 3 * (size_t)p;
+    ms_totals one = {.low = {x[0], x[1], x[2]}, .high = {x[0], x[1], x[2]}};
+    if (!s->pinned[p]) continue;
+    add_particle_facts(s, t, p, x, f);
+    ms_totals_add(&one, box);
+  }
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    f->stiffness += ms_scene_stiffness(s, e);
+    f->energy_depth += ms_scene_energy_depth(s, e);
+  }
+  for (int32_t e = 0; e < s->angles.n; e++) {
+    double weight[2];
+    ms_scene_angles_weigh(s, e, weight);
+    f->stiffness += s->angles.k[e] * (weight[0] + weight[1]);
+  }
+}
+
+/* The sums pass from rank to rank, so that they have the bits of one process. */
+static void add_slice_facts(const msim_sim *sim, scene_facts *f, ms_totals *box) {
+  struct {
+    scene_facts facts;
+    ms_totals box;
+  } sum = {*f, *box};
+  for (int32_t r = 0; r < sim->ranks->n; r++) {
+    if (r == sim->ranks->rank)
+      add_scene_facts(sim->kept->slice, time_of(sim), &sum.facts, &sum.box);
+    ms_ranks_broadcast(sim->ranks, r, sizeof sum, &sum);
+  }
+  *f = sum.facts, *box = sum.box;
+}
+
 /* box: that of the free particles; on return it contains pinned ones, too */
 static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
   const ms_scene *s = sim->scene;
@@ -166,22 +200,8 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
     }
   }
   share_facts(sim->ranks, &f);
-  for (int32_t p = 0; p < s->nparticles; p++) {
-    const double *x = s->x + 3 * (size_t)p;
-    ms_totals one = {.low = {x[0], x[1], x[2]}, .high = {x[0], x[1], x[2]}};
-    if (!s->pinned[p]) continue;
-    add_particle_facts(s, time_of(sim), p, x, &f);
-    ms_totals_add(&one, box);
-  }
-  for (int32_t e = 0; e < s->nsprings; e++) {
-    f.stiffness += ms_scene_stiffness(s, e);
-    f.energy_depth += ms_scene_energy_depth(s, e);
-  }
-  for (int32_t e = 0; e < s->angles.n; e++) {
-    double weight[2];
-    ms_scene_angles_weigh(s, e, weight);
-    f.stiffness += s->angles.k[e] * (weight[0] + weight[1]);
-  }
+  if (sim->kept) add_slice_facts(sim, &f, box);
+  else add_scene_facts(s, time_of(sim), &f, box);
   return f;
 }
 

@@ -1,15 +1,19 @@
 #include "sim/rank_load.h"
 
+#include <string.h>
+
 #include "base/archive.h"
+#include "methods/methods.h"
 #include "scene/scene_data.h"
-#include "scene/section.h"
+#include "sim/rank_distribute.h"
 #include "sim/rank_gather.h"
 
 /*------------------------------------- checks ---------------------------------------------------*/
 
 /* 1: something was added that refers to particles, of which the handle has none. */
-static int has_additions(const ms_scene *s) {
-  return s->nparticles || s->nlaws || s->nmotions || ms_scene_has_function(s);
+static int has_additions(const ms_scene *s, const ms_scene *rows) {
+  return s->nparticles || !s->force != !rows->force || s->nlaws || s->nmotions ||
+         ms_scene_has_function(s);
 }
 
 static msim_status check_part(const msim_scene *scene, const ms_ranks *ranks, msim_error *err) {
@@ -21,9 +25,9 @@ static msim_status check_part(const msim_scene *scene, const ms_ranks *ranks, ms
                         "the scene is the part of rank %d of %d ranks, but this is rank %d of %d; "
                         "set options.comm to the communicator for which it was loaded",
                         part->rank, part->nranks, rank, n);
-  if (!has_additions(scene->data)) return MSIM_OK;
+  if (!has_additions(scene->data, part->rows)) return MSIM_OK;
   return ms_error_set(err, MSIM_ERR_ARG,
-                      "particles, laws, motions and force functions cannot be added to a part of a "
+                      "particles, laws, forces and motions cannot be added to a part of a "
                       "scene; load the whole scene by msim_scene_load");
 }
 
@@ -49,31 +53,86 @@ static msim_status gather_parts(const msim_scene *scene, ms_ranks *ranks, ms_sce
                                 msim_error *err) {
   const ms_scene_part *part = scene->part;
   const msim_allocator *alloc = &scene->data->alloc;
-  ms_rank_scene *parts =
-      ms_rank_scene_create(alloc, ranks->n, part->nparticles, part->nsprings, part->nfaces);
-  if (parts) parts->slice = ms_scene_retain(part->rows), parts->is = ms_section_of_part(part);
-  ms_scene *s =
+  ms_rank_scene *parts = ms_rank_scene_create_from(part);
+  ms_scene *s = *whole =
       ms_scene_data_create_like(scene->data, part->nparticles, part->nsprings, part->nfaces, NULL);
-  int fits = parts && s;
-  if (fits && part->rows->force && !s->force)
-    fits = MS_NEW(alloc, s->force, 3 * (size_t)part->nparticles) != 0;
+  const int fits = parts && s;
   msim_status status =
       ms_ranks_agree(ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the whole scene"), err);
   if (!status)
     status = ms_rank_gather_fields(ranks, parts, MS_ALL_RANKS, MS_MOST_FIELDS, s, 1, err);
   ms_rank_scene_destroy(alloc, parts);
-  if (status) ms_scene_release(s);
-  else *whole = s;
   return status;
 }
 
-msim_status ms_rank_load_scene(const msim_scene *scene, ms_ranks *ranks, ms_scene **whole,
-                               msim_error *err) {
-  *whole = NULL;
+/*------------------------------------- parts ----------------------------------------------------*/
+
+/* Methods and scenes of which no rank needs more than its part: bounds of the whole scene, errors,
+ * and other variables than x and v need it. */
+static int may_distribute(const msim_options *opt, const ms_scene *s) {
+  const ms_integrator *method;
+  if (!opt->integrator || strcmp(opt->integrator, MS_AUTO) == 0 ||
+      ms_methods_find(opt->integrator, &method, NULL))
+    return 0;
+  if (method->entry.implicit || method->is_multirate || method->convert_state || method->sync ||
+      method->stages || (method->chooses_steps && opt->steps < 0))
+    return 0;
+  return opt->tol == 0 && opt->h != MSIM_H_AUTO && opt->collision != MSIM_COLLISION_EVENT &&
+         opt->precision != MSIM_PRECISION_SINGLE && !ms_scene_has_self_contact(s) &&
+         !ms_collider_motion_is_there(s);
+}
+
+/* 1: the scene shares nothing with its part that has changed since it was loaded. */
+static int is_as_loaded(const ms_scene *s, const ms_scene *rows) {
+  return memcmp(&s->external, &rows->external, sizeof s->external) == 0 &&
+         s->nplanes == rows->nplanes && s->ncolliders == rows->ncolliders &&
+         s->self_contact.thickness == rows->self_contact.thickness &&
+         strcmp(s->name, rows->name) == 0;
+}
+
+/* Methods for forces of positions only refuse the first spring that is damped. */
+static int is_damped(const ms_scene *rows) {
+  for (int32_t e = 0; e < rows->nsprings; e++)
+    if (rows->damping[e] > 0) return 1;
+  return 0;
+}
+
+static int is_separable(const msim_options *opt) {
+  const ms_integrator *method;
+  return !ms_methods_find(opt->integrator, &method, NULL) && method->separable;
+}
+
+/* The same on all ranks; each has free particles then. */
+static int distributes(const msim_scene *scene, const msim_options *opt, ms_ranks *ranks) {
+  const ms_scene *rows = scene->part->rows;
+  double sums[2] = {0}; /* ranks that do not, and free particles */
+  sums[0] = !may_distribute(opt, scene->data) || !is_as_loaded(scene->data, rows) ||
+            (is_separable(opt) && is_damped(rows));
+  for (int32_t p = 0; p < rows->nparticles; p++) sums[1] += !rows->pinned[p];
+  ms_ranks_sum(ranks, 2, sums);
+  return sums[0] == 0 && sums[1] >= ranks->n;
+}
+
+msim_status ms_rank_load_scene(const msim_scene *scene, const msim_options *opt, ms_ranks *ranks,
+                               ms_rank_load *load, msim_error *err) {
+  *load = (ms_rank_load){0};
   msim_status status = ms_ranks_agree(ranks, check_part(scene, ranks, err), err);
   if (!status) status = compare_parts(scene, ranks, err);
   if (status) return status;
-  if (scene->part) return gather_parts(scene, ranks, whole, err);
-  *whole = ms_scene_retain(scene->data);
-  return MSIM_OK;
+  if (!scene->part) {
+    load->scene = ms_scene_retain(scene->data);
+    return MSIM_OK;
+  }
+  const int divides = distributes(scene, opt, ranks);
+  status = ms_ranks_agree(ranks, MSIM_OK, err);
+  if (status) return status;
+  const int islands = !(opt->skip_off & MSIM_SKIP_ISLANDS);
+  return divides ? ms_rank_distribute(scene, ranks, islands, load, err)
+                 : gather_parts(scene, ranks, &load->scene, err);
+}
+
+void ms_rank_load_destroy(const msim_allocator *alloc, ms_rank_load *load) {
+  ms_scene_release(load->scene);
+  ms_rank_scene_destroy(alloc, load->kept);
+  ms_rank_part_destroy(alloc, load->part);
 }

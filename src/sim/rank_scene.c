@@ -2,10 +2,49 @@
 
 #include <string.h>
 
+#include "layout/rank_order.h"
 #include "scene/scene_data.h"
 #include "sim/rank_gather.h"
 #include "sim/rank_section.h"
 #include "sim/reuse.h"
+
+/*------------------------------------- life -----------------------------------------------------*/
+
+/* Without arrays */
+static ms_rank_scene *create_kept(const msim_allocator *alloc, int32_t nranks, int32_t nparticles,
+                                  int32_t nsprings, int32_t nfaces) {
+  ms_rank_scene *kept = ms_memory_allocate(alloc, 1, sizeof *kept);
+  if (!kept) return NULL;
+  kept->nparticles = nparticles, kept->nsprings = nsprings, kept->nfaces = nfaces;
+  if (MS_NEW(alloc, kept->lengths, nranks) && MS_NEW(alloc, kept->send_bytes, nranks) &&
+      MS_NEW(alloc, kept->receive_bytes, nranks))
+    return kept;
+  ms_rank_scene_destroy(alloc, kept);
+  return NULL;
+}
+
+void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept) {
+  if (!kept) return;
+  if (kept->order) ms_rank_order_destroy(kept->slice, kept->order);
+  ms_memory_free(alloc, kept->order);
+  ms_scene_release(kept->slice);
+  MS_FREE(alloc, kept->particle, kept->spring, kept->owner, kept->send_bytes, kept->receive_bytes,
+          kept->lengths, kept);
+}
+
+void ms_rank_scene_take_order(const msim_allocator *alloc, ms_rank_scene *kept,
+                              ms_rank_order *order) {
+  *order = *kept->order;
+  ms_memory_free(alloc, kept->order);
+  kept->order = NULL;
+}
+
+ms_rank_scene *ms_rank_scene_create_from(const ms_scene_part *part) {
+  ms_rank_scene *kept =
+      create_kept(&part->rows->alloc, part->nranks, part->nparticles, part->nsprings, part->nfaces);
+  if (kept) kept->slice = ms_scene_retain(part->rows), kept->is = ms_section_of_part(part);
+  return kept;
+}
 
 /*------------------------------------- division -------------------------------------------------*/
 
@@ -118,25 +157,6 @@ void ms_rank_scene_trim(msim_sim *sim) {
   } else MS_FREE(&s->alloc, x, v);
 }
 
-ms_rank_scene *ms_rank_scene_create(const msim_allocator *alloc, int32_t nranks, int32_t nparticles,
-                                    int32_t nsprings, int32_t nfaces) {
-  ms_rank_scene *kept = ms_memory_allocate(alloc, 1, sizeof *kept);
-  if (!kept) return NULL;
-  kept->nparticles = nparticles, kept->nsprings = nsprings, kept->nfaces = nfaces;
-  if (MS_NEW(alloc, kept->lengths, nranks) && MS_NEW(alloc, kept->send_bytes, nranks) &&
-      MS_NEW(alloc, kept->receive_bytes, nranks))
-    return kept;
-  ms_rank_scene_destroy(alloc, kept);
-  return NULL;
-}
-
-void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept) {
-  if (!kept) return;
-  ms_scene_release(kept->slice);
-  MS_FREE(alloc, kept->particle, kept->spring, kept->owner, kept->send_bytes, kept->receive_bytes,
-          kept->lengths, kept);
-}
-
 /* Replace the scene of the sim, whose model gets other numbers. */
 static void set_scene(msim_sim *sim, ms_scene *scene, const ms_edit_map *map) {
   ms_reuse_renumber(&sim->islands->model, scene, map);
@@ -149,7 +169,7 @@ msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err) {
   const ms_scene *s = sim->scene;
   ms_edit_map map = {0};
   ms_rank_scene *kept =
-      ms_rank_scene_create(&sim->alloc, sim->ranks->n, s->nparticles, s->nsprings, s->nfaces);
+      create_kept(&sim->alloc, sim->ranks->n, s->nparticles, s->nsprings, s->nfaces);
   ms_scene *own = kept ? cut_model_scene(sim, kept, &map) : NULL;
   const int fits = own && cut_slice(sim, kept);
   msim_status status =

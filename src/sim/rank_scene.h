@@ -21,11 +21,16 @@ typedef struct ms_rank_scene {
   int has_rows;    /* 0: the sim has no section for output: the slice has no other particles, and
                       its springs and faces refer to numbers of the whole scene */
   int64_t *lengths, *send_bytes, *receive_bytes; /* nranks: scratch */
+  struct ms_rank_order *order; /* of own unknowns, where no rank had the whole scene; NULL once the
+                                  island is there */
 } ms_rank_scene;
 
-/* One without arrays; NULL: out of memory. */
-ms_rank_scene *ms_rank_scene_create(const msim_allocator *alloc, int32_t nranks, int32_t nparticles,
-                                    int32_t nsprings, int32_t nfaces);
+/* Take the order out of it. */
+void ms_rank_scene_take_order(const msim_allocator *alloc, ms_rank_scene *kept,
+                              struct ms_rank_order *order);
+
+/* One whose slice is what a rank has read of the scene; NULL: out of memory. */
+ms_rank_scene *ms_rank_scene_create_from(const ms_scene_part *part);
 void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
 
 /* Keep only the parts of this rank, where several ranks share a scene that needs no more; its

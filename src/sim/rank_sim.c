@@ -106,11 +106,13 @@ static uint64_t hash_motions_and_colliders(uint64_t hash, const ms_scene *s) {
   return hash;
 }
 
-/* Of the arrays that ranks divide, and of what decides which calls they make */
+/* Of the arrays that ranks divide, unless they have read them in parts, and of what decides which
+ * calls they make */
 static uint64_t hash_sim(const msim_sim *sim) {
   const ms_scene *s = sim->scene;
   const msim_options *opt = &sim->config.opt;
-  const size_t n = (size_t)s->nparticles, m = (size_t)s->nsprings, real = sizeof(double);
+  const size_t n = sim->kept ? 0 : (size_t)s->nparticles, m = sim->kept ? 0 : (size_t)s->nsprings,
+               real = sizeof(double);
   const double numbers[] = {opt->h,
                             (double)opt->steps,
                             opt->t_end,

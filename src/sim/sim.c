@@ -201,7 +201,7 @@ static msim_status prepare_sim(msim_sim *sim, const msim_options *opt, const msi
   if (!status) status = ms_self_contact_prepare(sim, err);
   if (!status) status = ms_breaking_prepare(sim, err);
   if (!status) status = ms_reflection_check(sim->scene, err);
-  if (!status) ms_start_check_warn(sim);
+  if (!status && !sim->kept) ms_start_check_warn(sim);
   if (!status && ms_sim_selects(sim)) status = choose(sim, 0, start, err);
   if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
   if (!status && !ms_sim_has_control(sim))
@@ -243,13 +243,15 @@ static msim_state initial_state(const ms_scene *scene) {
 }
 
 /* A sim without islands; NULL after an error. Ranks do this each for itself, and agree on the
- * status. Takes over `ranks`. */
-static msim_status create_prepared(ms_scene *scene, ms_ranks *ranks, const msim_options *opt,
+ * status. Takes over `ranks`, and what `load` has of parts. */
+static msim_status create_prepared(ms_rank_load *load, ms_ranks *ranks, const msim_options *opt,
                                    ms_sim_choose *choose, msim_sim **sim, msim_error *err) {
+  ms_scene *scene = load->scene;
   msim_sim *s = allocate_sim(scene, err);
   msim_status status = s ? MSIM_OK : MSIM_ERR_MEMORY;
   const msim_state start = initial_state(scene);
-  if (s && ranks) status = ms_rank_part_create(scene, ranks, &s->part, err);
+  if (s) s->kept = load->kept, s->part = load->part, load->kept = NULL, load->part = NULL;
+  if (s && ranks && !s->kept) status = ms_rank_part_create(scene, ranks, &s->part, err);
   if (!status) status = prepare_sim(s, opt, &start, choose, err);
   status = ms_ranks_agree(ranks, status, err);
   if (s) s->ranks = ranks;
@@ -259,11 +261,27 @@ static msim_status create_prepared(ms_scene *scene, ms_ranks *ranks, const msim_
   return status;
 }
 
+/* Where ranks have slices the axis is one that all of them leave out, at the level of the first
+ * particle. */
+static int32_t find_axis(const msim_sim *sim) {
+  const unsigned skip_off = sim->config.opt.skip_off;
+  if (!sim->kept) return ms_planar_find_axis(sim->scene, skip_off);
+  const ms_scene *slice = sim->kept->slice;
+  double level[3] = {slice->x[0], slice->x[1], slice->x[2]}, moves[3];
+  int32_t axis = 2;
+  ms_ranks_broadcast(sim->ranks, 0, sizeof level, level);
+  for (int32_t c = 0; c < 3; c++) moves[c] = !ms_planar_has_axis(slice, skip_off, c, level[c]);
+  ms_ranks_maximum(sim->ranks, 3, moves);
+  while (axis >= 0 && moves[axis] != 0) axis--;
+  return axis;
+}
+
 static msim_status start_created(msim_sim *sim, msim_error *err) {
-  const int32_t left_out = ms_planar_find_axis(sim->scene, sim->config.opt.skip_off);
   const msim_state start = initial_state(sim->scene);
   msim_status status = ms_rank_sim_compare(sim, err);
-  if (!status) status = ms_sim_build_islands(sim, left_out, err);
+  if (!status && sim->kept) ms_start_check_warn(sim);
+  if (!status) status = ms_sim_build_islands(sim, find_axis(sim), err);
+  if (!status && sim->kept) ms_rank_part_forget_whole(&sim->alloc, sim->part);
   return status ? status : ms_sim_start(sim, &start, err);
 }
 
@@ -272,17 +290,17 @@ msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_s
   *sim = NULL;
   msim_options full;
   ms_ranks *ranks = NULL;
-  ms_scene *whole;
+  ms_rank_load load;
   msim_sim *s = NULL;
   if (scene->data->nparticles == 0 && !scene->part)
     return ms_error_set(err, MSIM_ERR_ARG, "the scene has no particles");
   msim_status status = ms_options_copy(opt, &full, err);
   if (!status) status = ms_rank_sim_join(full.comm, &scene->data->alloc, &ranks, err);
   if (status) return status;
-  status = ms_rank_load_scene(scene, ranks, &whole, err);
+  status = ms_rank_load_scene(scene, &full, ranks, &load, err);
   if (status) ms_ranks_destroy(&scene->data->alloc, ranks);
-  else status = create_prepared(whole, ranks, opt, choose, &s, err);
-  ms_scene_release(whole);
+  else status = create_prepared(&load, ranks, opt, choose, &s, err);
+  ms_rank_load_destroy(&scene->data->alloc, &load);
   if (!status) status = start_created(s, err);
   if (status) {
     msim_sim_destroy(s);

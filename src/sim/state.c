@@ -40,6 +40,7 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
 /* A state outside the scene's plane needs three components. A split of the springs belongs to h. */
 static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_scene *scene = sim->scene;
+  if (sim->kept) return MSIM_OK; /* which starts in the state for which it was built */
   int32_t axis = ms_planar_find_axis(scene, sim->config.opt.skip_off);
   if (axis >= 0 &&
       !(ms_planar_is_in_plane(scene, axis, state->x, state->v) &&

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "sim/sim.h"
+#include "sim/rank_scene.h"
 
 /* Computed once, rough and tight each, until the springs change. */
 static msim_status compute_bounds(msim_sim *sim, int tight, msim_error *err) {
@@ -73,13 +73,30 @@ static void warn_long_step(const msim_sim *sim) {
                 h, name);
 }
 
-/* Rough bounds are mostly sufficient. Error control shortens steps that are too long by itself. */
-void ms_step_limit_warn(msim_sim *sim) {
+static void warn_of_scene(msim_sim *sim) {
   ms_step_limit *a = &sim->config.step_limit;
-  if (!sim->config.opt.warn || ms_sim_has_control(sim)) return;
-  if (!sim->config.integrator->limit || compute_bounds(sim, 0, NULL)) return;
+  if (!sim->config.opt.warn || compute_bounds(sim, 0, NULL)) return;
   if (a->limit > 0 && sim->run.h > a->limit && compute_bounds(sim, 1, NULL)) return;
   const int too_long = sim->run.h > a->limit;
   if (too_long && !a->warned) warn_long_step(sim);
   a->warned = too_long;
+}
+
+/* Ranks that have parts gather the scene only where the bound of these does not suffice. */
+static void warn_of_parts(msim_sim *sim) {
+  double wanted = sim->config.opt.warn != NULL;
+  ms_ranks_maximum(sim->ranks, 1, &wanted);
+  if (!(wanted > 0)) return;
+  const ms_bounds bounds = ms_bounds_compute_island(&sim->islands->model);
+  if (sim->run.h <= sim->config.integrator->limit(&bounds)) return;
+  if (ms_rank_scene_gather(sim, NULL)) return;
+  warn_of_scene(sim);
+  ms_rank_scene_divide(sim, NULL); /* without memory the scene stays whole */
+}
+
+/* Rough bounds are mostly sufficient. Error control shortens steps that are too long by itself. */
+void ms_step_limit_warn(msim_sim *sim) {
+  if (ms_sim_has_control(sim) || !sim->config.integrator->limit) return;
+  if (sim->kept) warn_of_parts(sim);
+  else warn_of_scene(sim);
 }
