@@ -16,8 +16,9 @@ static inline int32_t draw_index(unsigned *seed, int32_t n) { return (int32_t)(u
  * between any of them, several springs between the same ones */
 static inline msim_scene *draw_scene(const msim_allocator *alloc, unsigned seed) {
   enum { MOST = 40 };
+  seed *= 2654435769u; /* first numbers of small seeds are alike */
   const int32_t n = 12 + draw_index(&seed, MOST - 12), m = draw_index(&seed, 3 * MOST),
-                nfaces = seed % 3 ? draw_index(&seed, 2 * MOST) : 0;
+                nfaces = draw(&seed) > -0.5 ? draw_index(&seed, 2 * MOST) : 0;
   double x[3 * MOST], v[3 * MOST], force[3 * MOST], mass[MOST], k[3 * MOST], rest[3 * MOST],
       damping[3 * MOST];
   int32_t ij[6 * MOST], faces[6 * MOST], pins[MOST], npins = 0;
@@ -40,7 +41,7 @@ static inline msim_scene *draw_scene(const msim_allocator *alloc, unsigned seed)
   }
   if (msim_scene_create(alloc, &scene, NULL) ||
       msim_scene_add_particles(scene, n, x, v, mass, NULL) ||
-      (seed % 2 && msim_scene_set_forces(scene, force, NULL)) ||
+      (draw(&seed) > 0 && msim_scene_set_forces(scene, force, NULL)) ||
       msim_scene_add_springs(scene, m, ij, k, rest, damping, NULL) ||
       (nfaces && msim_scene_add_faces(scene, nfaces, faces, NULL)) ||
       msim_scene_pin(scene, npins, pins, NULL) || msim_scene_set_gravity(scene, g, NULL) ||

@@ -93,7 +93,7 @@ static int64_t *widen(int64_t n, const int32_t *from) {
 
 static void errors_are_those_of_the_file(void **state) {
   (void)state;
-  msim_scene *scene = draw_scene(NULL, 6);
+  msim_scene *scene = draw_scene(NULL, 4);
   const ms_scene *s = scene->data;
   save(scene);
   file_bytes f = read_bytes();

@@ -1,0 +1,363 @@
+/* Tests of sims whose scene ranks have read in parts: runs have the bits of one process, what a
+ * rank keeps is the same as of the whole scene, memory at creation falls with the number of ranks,
+ * and a failure of memory or communication is one of all ranks. */
+#define _GNU_SOURCE /* mkdtemp */
+#include <stdatomic.h>
+#include <stdio.h>
+#include <unistd.h>
+
+#include "counting_allocator.h"
+#include "drawn_scenes.h"
+#include "failing_comm.h"
+#include "peak_allocator.h"
+#include "rank_runs.h"
+#include "scene_part_file.h"
+#include "sim/rank_scene.h"
+
+/*------------------------------------- runs -----------------------------------------------------*/
+
+/* As run_rank of rank_runs.h, from parts of the file */
+static const char *run_part(msim_comm *comm, void *data) {
+  const run *r = data;
+  msim_options opt = r->opt;
+  msim_error why = {0};
+  msim_sim *sim;
+  msim_scene *part;
+  opt.comm = comm;
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  EXPECT(comm->nranks == 1 || part->part);
+  EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_OK);
+  msim_scene_destroy(part);
+  EXPECT(msim_sim_step(sim, r->steps, &why) == MSIM_OK);
+  const char *wrong = compare_with_run(sim, r);
+  msim_sim_destroy(sim);
+  return wrong;
+}
+
+static void check_run_of_parts(const msim_scene *scene, const char *method, double h) {
+  save(scene);
+  run r = run_alone(scene, options(method, h), 20);
+  for (int32_t n = 1; n <= MOST_RANKS; n++) {
+    const char *wrong = run_ranks(n, run_part, &r);
+    if (wrong) fail_msg("%s, %d ranks: %s", method, n, wrong);
+  }
+  free_run(&r);
+}
+
+static void runs_have_the_bits_of_one_process(void **state) {
+  (void)state;
+  const msim_plane plane = {.normal = {0, 0, 1}, .offset = -0.2, .restitution = 0.5};
+  msim_scene *mesh = random_mesh(300, 3, 0.01), *cloth = hanging_cloth(9, 300, 0.02);
+  const char *method;
+  for (int32_t i = 0; (method = method_at(i)) != NULL; i++)
+    if (is_tested(method) && takes_positions_only(method) == 0)
+      check_run_of_parts(mesh, method, 1e-3);
+  check_run_of_parts(cloth, "velocity-verlet", 1e-3);
+  assert_ok(msim_scene_add_plane(cloth, &plane, err));
+  check_run_of_parts(cloth, "velocity-verlet", 1e-3);
+  msim_scene_destroy(cloth);
+  msim_scene_destroy(mesh);
+  for (unsigned seed = 1; seed <= 40; seed++) {
+    msim_scene *scene = draw_scene(NULL, seed);
+    check_run_of_parts(scene, seed % 3 ? "velocity-verlet" : "rk4", 1e-3);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- parts of sims --------------------------------------------*/
+
+/* What a sim keeps is the same, whether ranks have read the whole scene or parts. */
+static const char *compare_kept(const msim_comm *comm, const msim_sim *a, const msim_sim *b) {
+  const msim_error why = {0};
+  const ms_rank_scene *k = a->kept, *l = b->kept;
+  const ms_rank_part *p = a->part, *q = b->part;
+  const ms_unknowns *u = &a->islands->model.unknowns, *w = &b->islands->model.unknowns;
+  const int64_t own = ms_rank_part_count(p, comm->rank);
+  EXPECT(k && l && k->nparticles == l->nparticles && k->nsprings == l->nsprings);
+  EXPECT(are_same_scenes(a->scene, b->scene) && are_same_scenes(k->slice, l->slice));
+  EXPECT(is_same(k->particle, l->particle, a->scene->nparticles, 4));
+  EXPECT(is_same(k->spring, l->spring, a->scene->nsprings, 4));
+  EXPECT(is_same(k->owner, l->owner, k->is.n, 4) && memcmp(&k->is, &l->is, sizeof k->is) == 0);
+  EXPECT(is_same(p->place, q->place, own, 4) && is_same(p->bytes, q->bytes, comm->nranks, 8));
+  EXPECT(p->whole.n == q->whole.n && is_same(p->whole.hash, q->whole.hash, p->whole.n, 8));
+  EXPECT(!p->owner && !q->owner && !q->number && !l->order);
+  EXPECT(u->dims == w->dims && u->stride == w->stride && u->nfree == w->nfree);
+  EXPECT(is_same(u->particle, w->particle, u->stride, 4));
+  EXPECT(a->monitor.start_bound == b->monitor.start_bound);
+  EXPECT(a->monitor.extent == b->monitor.extent && a->monitor.least_mass == b->monitor.least_mass);
+  EXPECT(is_same(a->scene_hashes, b->scene_hashes, MS_SCENE_HASHES, 8));
+  return NULL;
+}
+
+/* The last note of a sim */
+static void keep_note(const char *text, void *user) { snprintf(user, 300, "%s", text); }
+
+/* data: the step */
+static const char *compare_sims(msim_comm *comm, void *data) {
+  msim_options opt = options("velocity-verlet", *(const double *)data);
+  msim_error why = {0};
+  char notes[2][300] = {"", ""};
+  msim_scene *scenes[2];
+  msim_sim *sims[2];
+  opt.comm = comm, opt.threads = 1, opt.warn = keep_note;
+  EXPECT(msim_scene_load(NULL, path, &scenes[0], &why) == MSIM_OK);
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &scenes[1], &why) == MSIM_OK);
+  for (int i = 0; i < 2; i++) {
+    opt.warn_user = notes[i];
+    EXPECT(msim_sim_create(scenes[i], &opt, &sims[i], &why) == MSIM_OK);
+    msim_scene_destroy(scenes[i]);
+  }
+  const char *wrong = compare_kept(comm, sims[0], sims[1]);
+  EXPECT(strcmp(notes[0], notes[1]) == 0);
+  for (int i = 0; i < 2; i++) msim_sim_destroy(sims[i]);
+  return wrong;
+}
+
+static void compare_all_sims(const msim_scene *scene, double h, unsigned seed) {
+  save(scene);
+  for (int32_t n = 2; n <= MOST_RANKS; n += 1 + (int32_t)seed % 3) {
+    const char *wrong = run_ranks(n, compare_sims, &h);
+    if (wrong) fail_msg("seed %u, %d ranks: %s", seed, n, wrong);
+  }
+}
+
+/* Every third one in a plane that nothing leaves, the others above planes or behind them */
+static void sims_of_parts_are_those_of_the_whole(void **state) {
+  (void)state;
+  const double zero[3] = {0};
+  for (unsigned seed = 1; seed <= 60; seed++) {
+    msim_scene *scene = draw_scene(NULL, seed);
+    const msim_plane plane = {.normal = {0, 0, 1}, .offset = -3 + (double)(seed % 5)};
+    ms_scene *s = scene->data;
+    for (int32_t p = 0; p < s->nparticles && seed % 3 == 0; p++)
+      s->x[3 * p + 1] = 0.5, s->v[3 * p + 1] = 0;
+    for (int32_t p = 0; p < s->nparticles && seed % 3 == 0 && s->force; p++)
+      s->force[3 * p + 1] = 0;
+    if (seed % 3 == 0) assert_ok(msim_scene_set_gravity(scene, zero, err));
+    else assert_ok(msim_scene_add_plane(scene, &plane, err));
+    compare_all_sims(scene, seed % 4 ? 1e-4 : 10, seed);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* What needs the whole scene: a method or option */
+typedef struct whole_case {
+  const char *method;
+  double h;
+  int has_end; /* 1: t_end in place of steps */
+} whole_case;
+
+/* Both sims gather it, and have the same bits; the part of the file is the first one. */
+static const char *compare_steps(msim_comm *comm, void *data) {
+  const whole_case *k = data;
+  msim_options opt = options(k->method, k->h);
+  msim_error why = {0};
+  msim_scene *scenes[2];
+  msim_sim *sims[2];
+  msim_state at[2];
+  opt.comm = comm, opt.threads = 1;
+  if (k->has_end) opt.t_end = 0.002, opt.steps = -1, opt.tol = 1e-6;
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &scenes[0], &why) == MSIM_OK);
+  EXPECT(msim_scene_load(NULL, path, &scenes[1], &why) == MSIM_OK);
+  for (int i = 0; i < 2; i++) {
+    EXPECT(msim_sim_create(scenes[i], &opt, &sims[i], &why) == MSIM_OK);
+    msim_scene_destroy(scenes[i]);
+    const msim_status made =
+        k->has_end ? msim_sim_run(sims[i], NULL, NULL, &why) : msim_sim_step(sims[i], 5, &why);
+    EXPECT(made == MSIM_OK);
+    at[i].size = sizeof at[i];
+    EXPECT(msim_sim_state(sims[i], &at[i]) == MSIM_OK);
+  }
+  EXPECT(at[0].n == at[1].n && at[0].t == at[1].t && has_same_bits(at[0].x, at[1].x, at[0].n));
+  EXPECT(has_same_bits(at[0].v, at[1].v, at[0].n));
+  for (int i = 0; i < 2; i++) msim_sim_destroy(sims[i]);
+  return NULL;
+}
+
+static void other_methods_gather_the_scene(void **state) {
+  (void)state;
+  const whole_case cases[] = {
+      {"linearly-implicit-euler", 1e-3, 0}, {"tr-bdf2", 1e-3, 0}, {"rkc", 1e-3, 0},
+
+      {"velocity-verlet", MSIM_H_AUTO, 0},  {"verlet", 1e-3, 0},  {"dop853", 1e-3, 1}};
+  msim_scene *scene = random_mesh(300, 5, 0.02);
+  save(scene);
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+    for (int32_t n = 2; n <= 4; n += 2) {
+      whole_case k = cases[i];
+      const char *wrong = run_ranks(n, compare_steps, &k);
+      if (wrong) fail_msg("%s, %d ranks: %s", k.method, n, wrong);
+    }
+  msim_scene_destroy(scene);
+}
+
+/* Creation fails as in one process. */
+static const char *check_refusal(msim_comm *comm, void *data) {
+  const char *alone = data;
+  msim_options opt = options("force-gradient", 1e-3);
+  msim_error why = {0};
+  msim_scene *part;
+  msim_sim *sim;
+  opt.comm = comm;
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_ERR_ARG && strcmp(why.text, alone) == 0);
+  msim_scene_destroy(part);
+  return NULL;
+}
+
+static void the_first_damped_spring_is_refused(void **state) {
+  (void)state;
+  const msim_options opt = options("force-gradient", 1e-3);
+  msim_scene *scene = random_mesh(200, 2, 0.01);
+  msim_error alone;
+  msim_sim *sim;
+  save(scene);
+  assert_int_equal(msim_sim_create(scene, &opt, &sim, &alone), MSIM_ERR_ARG);
+  assert_non_null(strstr(alone.text, "is damped"));
+  for (int32_t n = 2; n <= 5; n++) {
+    const char *wrong = run_ranks(n, check_refusal, alone.text);
+    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* More ranks than free particles: the scene is gathered. */
+static void ranks_without_particles(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(3, 100, 0);
+  for (int32_t p = 0; p < 6; p++) assert_ok(msim_scene_pin(scene, 1, &p, err));
+  check_run_of_parts(scene, "velocity-verlet", 1e-3);
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- memory ---------------------------------------------------*/
+
+typedef struct shared_memory {
+  size_t alone; /* bytes of the sim of one process */
+  const ms_scene *scene;
+} shared_memory;
+
+/* A rank has what it keeps, its share of a sim in one process and of the scene, twice, with at most
+ * 60 bytes a row in messages; rank 0 the layout of the whole scene, too, 37 bytes a particle and 40
+ * a spring, with owners, pins and ends, 5 and 8. */
+static const char *measure_creation(msim_comm *comm, void *data) {
+  const shared_memory *of = data;
+  const size_t n = (size_t)comm->nranks, rows = (size_t)of->scene->nparticles,
+               springs = (size_t)of->scene->nsprings, faces = (size_t)of->scene->nfaces,
+               scene = 57 * rows + 32 * springs + 12 * faces, root = 42 * rows + 48 * springs;
+  peak_allocator m = {0};
+  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_error why = {0};
+  msim_sim *sim;
+  msim_scene *part;
+  opt.comm = comm, opt.threads = 1;
+  EXPECT(msim_scene_load_part(&alloc, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  m.peak = m.live;
+  EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_OK);
+  const size_t share = (of->alone + 2 * scene + 60 * rows) / n + (1 << 16),
+               most = comm->rank == 0 && share < root + scene / n ? root + scene / n : share;
+  EXPECT(m.peak <= most + most / 10);
+  msim_scene_destroy(part);
+  msim_sim_destroy(sim);
+  EXPECT(m.live == 0);
+  return NULL;
+}
+
+static void creation_falls_with_ranks(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(150, 100, 0);
+  const msim_options opt = options("velocity-verlet", 1e-4);
+  peak_allocator m = {0};
+  const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
+  msim_scene *alone;
+  save(scene);
+  assert_ok(msim_scene_load(&alloc, path, &alone, err));
+  const size_t loaded = m.live;
+  msim_sim *sim = make_sim(alone, &opt);
+  shared_memory of = {m.live - loaded, scene->data};
+  msim_sim_destroy(sim);
+  msim_scene_destroy(alone);
+  for (int32_t n = 2; n <= 8; n *= 2) {
+    const char *wrong = run_ranks(n, measure_creation, &of);
+    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+  }
+  msim_scene_destroy(scene);
+}
+
+/*------------------------------------- failures -------------------------------------------------*/
+
+/* The allocation or call `fail_at` of one rank fails while the sim is created. */
+typedef struct failure_case {
+  int32_t rank;
+  int64_t fail_at;
+  int of_calls;
+  atomic_int succeeded;
+} failure_case;
+
+static const char *check_failure(msim_comm *inner, void *data) {
+  failure_case *k = data;
+  const int fails = inner->rank == k->rank;
+  failing_comm failing = failing_comm_of(inner, fails && k->of_calls ? k->fail_at : -1);
+  const msim_comm *comm = &failing.table;
+  counting_allocator count = {.fail_at = -1};
+  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
+                                &count};
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_error why = {0};
+  msim_energy e = {.size = sizeof e};
+  msim_sim *sim;
+  msim_scene *part;
+  failing.table.self = &failing;
+  opt.comm = comm, opt.threads = 1;
+  EXPECT(msim_scene_load_part(&alloc, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  const int64_t before = count.live;
+  if (fails && !k->of_calls) count.fail_at = count.calls + k->fail_at;
+  const msim_status status = msim_sim_create(part, &opt, &sim, &why);
+  const int64_t made = k->of_calls ? failing.calls : count.calls;
+  const int has_failed = count.fail_at >= 0 ? made > count.fail_at : made > k->fail_at;
+  count.fail_at = -1;
+  EXPECT(!status || status == (k->of_calls ? MSIM_ERR_BACKEND : MSIM_ERR_MEMORY));
+  EXPECT(!sim || k->of_calls || msim_sim_energy(sim, &e) == MSIM_OK);
+  EXPECT(!sim || k->of_calls || msim_sim_step(sim, 2, &why) == MSIM_OK);
+  if (fails && !has_failed) k->succeeded = 1;
+  msim_sim_destroy(sim);
+  EXPECT(count.live == before);
+  msim_scene_destroy(part);
+  return NULL;
+}
+
+static void failures_of_one_rank_are_those_of_all(void **state) {
+  (void)state;
+  for (unsigned seed = 5; seed < 7; seed++) {
+    msim_scene *scene = draw_scene(NULL, seed);
+    save(scene);
+    for (int of_calls = 0; of_calls < 2; of_calls++)
+      for (int32_t rank = 0; rank < 3; rank++) {
+        failure_case k = {.rank = rank, .of_calls = of_calls};
+        for (; !k.succeeded; k.fail_at++) {
+          const char *wrong = run_ranks(3, check_failure, &k);
+          if (wrong) fail_msg("rank %d, failure %d: %s", rank, (int)k.fail_at, wrong);
+        }
+        assert_true(k.fail_at > (of_calls ? 20 : 60));
+      }
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  char folder[] = "/tmp/msim_rank_load_sims_XXXXXX";
+  if (!mkdtemp(folder) || chdir(folder)) return 1;
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(runs_have_the_bits_of_one_process),
+      cmocka_unit_test(sims_of_parts_are_those_of_the_whole),
+      cmocka_unit_test(other_methods_gather_the_scene),
+      cmocka_unit_test(the_first_damped_spring_is_refused),
+      cmocka_unit_test(ranks_without_particles),
+      cmocka_unit_test(creation_falls_with_ranks),
+      cmocka_unit_test(failures_of_one_rank_are_those_of_all),
+  };
+  const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+  for (const char *const *name = (const char *[]){path, NULL}; *name; name++) remove(*name);
+  return chdir("/") || rmdir(folder) || failed;
+}
