@@ -194,6 +194,22 @@ class Parts(RankFiles):
         self.record(3, options, "2.vtkhdf", "--resume")
         self.assertEqual(self.read("2.vtkhdf"), before)
 
+    def test_springs_without_rest(self):
+        """Their lengths are between particles of both ranks; one that is not finite is named."""
+        options = "--integrator velocity-verlet --h 2e-4 --steps 50 --every 10"
+        with h5py.File(self.folder / "scene.h5", "a") as file:
+            del file["springs/rest"]
+        for n in 1, 2, 3:
+            self.record(n, options, f"{n}.vtkhdf")
+        self.assert_same_frames("1.vtkhdf", "2.vtkhdf")
+        self.assert_same_frames("2.vtkhdf", "3.vtkhdf")
+        with h5py.File(self.folder / "scene.h5", "a") as file:
+            file["particles/x"][len(file["particles/x"]) - 1] = [1e300, 0, 0]
+        first = int(numpy.argmax((self.ij == self.ij.max()).any(axis=1)))
+        status, out, err = self.cli(*self.command(2, options, "out.vtkhdf"))
+        self.assertEqual((status, out, err.count("msim_cli: ")), (1, "", 1), err)
+        self.assertIn(f"the length of springs.ij[{first}] is beyond the range", err)
+
     def test_a_fault_in_one_part(self):
         """The rank that has it is named, and the row in the file."""
         last = len(self.ij) - 1

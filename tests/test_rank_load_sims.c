@@ -89,12 +89,25 @@ static const char *compare_kept(const msim_comm *comm, const msim_sim *a, const 
   return NULL;
 }
 
+/* A part as if the file had no rest lengths */
+static void forget_rest(const msim_scene *part) {
+  const ms_scene *rows = part->part->rows;
+  part->part->lacks_rest = rows->nsprings > 0 || part->part->nsprings > 0;
+  for (int32_t e = 0; e < rows->nsprings; e++) rows->rest[e] = -1;
+}
+
 /* The last note of a sim */
 static void keep_note(const char *text, void *user) { snprintf(user, 300, "%s", text); }
 
-/* data: the step */
+typedef struct sim_case {
+  const char *method;
+  double h;
+  int lacks_rest;
+} sim_case;
+
 static const char *compare_sims(msim_comm *comm, void *data) {
-  msim_options opt = options("velocity-verlet", *(const double *)data);
+  const sim_case *k = data;
+  msim_options opt = options(k->method, k->h);
   msim_error why = {0};
   char notes[2][300] = {"", ""};
   msim_scene *scenes[2];
@@ -102,6 +115,7 @@ static const char *compare_sims(msim_comm *comm, void *data) {
   opt.comm = comm, opt.threads = 1, opt.warn = keep_note;
   EXPECT(msim_scene_load(NULL, path, &scenes[0], &why) == MSIM_OK);
   EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &scenes[1], &why) == MSIM_OK);
+  if (k->lacks_rest) forget_rest(scenes[1]);
   for (int i = 0; i < 2; i++) {
     opt.warn_user = notes[i];
     EXPECT(msim_sim_create(scenes[i], &opt, &sims[i], &why) == MSIM_OK);
@@ -113,10 +127,10 @@ static const char *compare_sims(msim_comm *comm, void *data) {
   return wrong;
 }
 
-static void compare_all_sims(const msim_scene *scene, double h, unsigned seed) {
+static void compare_all_sims(const msim_scene *scene, sim_case k, unsigned seed) {
   save(scene);
   for (int32_t n = 2; n <= MOST_RANKS; n += 1 + (int32_t)seed % 3) {
-    const char *wrong = run_ranks(n, compare_sims, &h);
+    const char *wrong = run_ranks(n, compare_sims, &k);
     if (wrong) fail_msg("seed %u, %d ranks: %s", seed, n, wrong);
   }
 }
@@ -135,7 +149,12 @@ static void sims_of_parts_are_those_of_the_whole(void **state) {
       s->force[3 * p + 1] = 0;
     if (seed % 3 == 0) assert_ok(msim_scene_set_gravity(scene, zero, err));
     else assert_ok(msim_scene_add_plane(scene, &plane, err));
-    compare_all_sims(scene, seed % 4 ? 1e-4 : 10, seed);
+    for (int32_t e = 0; e < s->nsprings && seed % 2; e++)
+      s->rest[e] = ms_scene_distance(s->x + 3 * s->ij[2 * e], s->x + 3 * s->ij[2 * e + 1]);
+    const sim_case k = {.method = seed % 7 ? "velocity-verlet" : "rkc",
+                        .h = seed % 4 ? 1e-4 : 10,
+                        .lacks_rest = seed % 2};
+    compare_all_sims(scene, k, seed);
     msim_scene_destroy(scene);
   }
 }
@@ -291,7 +310,7 @@ static void creation_falls_with_ranks(void **state) {
 typedef struct failure_case {
   int32_t rank;
   int64_t fail_at;
-  int of_calls;
+  int of_calls, lacks_rest;
   atomic_int succeeded;
 } failure_case;
 
@@ -311,6 +330,7 @@ static const char *check_failure(msim_comm *inner, void *data) {
   failing.table.self = &failing;
   opt.comm = comm, opt.threads = 1;
   EXPECT(msim_scene_load_part(&alloc, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  if (k->lacks_rest) forget_rest(part);
   const int64_t before = count.live;
   if (fails && !k->of_calls) count.fail_at = count.calls + k->fail_at;
   const msim_status status = msim_sim_create(part, &opt, &sim, &why);
@@ -334,7 +354,7 @@ static void failures_of_one_rank_are_those_of_all(void **state) {
     save(scene);
     for (int of_calls = 0; of_calls < 2; of_calls++)
       for (int32_t rank = 0; rank < 3; rank++) {
-        failure_case k = {.rank = rank, .of_calls = of_calls};
+        failure_case k = {.rank = rank, .of_calls = of_calls, .lacks_rest = seed % 2};
         for (; !k.succeeded; k.fail_at++) {
           const char *wrong = run_ranks(3, check_failure, &k);
           if (wrong) fail_msg("rank %d, failure %d: %s", rank, (int)k.fail_at, wrong);

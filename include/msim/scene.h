@@ -325,9 +325,9 @@ MSIM_API msim_status msim_scene_load(const msim_allocator *alloc, const char *pa
  * reads parts of arrays, as that of .h5, each rank has only its rows, about 1/nranks of them. The
  * ranks pass their parts to msim_sim_create. For all other functions such a scene has no particles,
  * springs and faces; its gravity, drag, planes, colliders and options are those of the file, and
- * can be changed, alike on all ranks. Scenes with objects, laws, angular springs, motions, springs
- * without `rest` or fewer particles than ranks, and files of other formats, are read as a whole, as
- * by msim_scene_load. Not collective. Nullable: alloc. */
+ * can be changed, alike on all ranks. Scenes with objects, laws, angular springs, motions or fewer
+ * particles than ranks, and files of other formats, are read as a whole, as by msim_scene_load. Not
+ * collective. Nullable: alloc. */
 MSIM_API msim_status msim_scene_load_part(const msim_allocator *alloc, const char *path,
                                           int32_t rank, int32_t nranks, msim_scene **scene,
                                           msim_error *err);

@@ -77,9 +77,7 @@ static int may_be_divided(ms_value root, const ms_scene_part *part) {
   static const int whole[] = {MS_KEY_LAWS, MS_KEY_OBJECTS, MS_KEY_ANGLES, MS_KEY_MOTIONS};
   for (size_t i = 0; i < sizeof whole / sizeof *whole; i++)
     if (has_member(root, ms_section_keys[whole[i]].key, NULL)) return 0;
-  if (has_member(root, "springs", NULL) &&
-      (!has_member(root, "springs", "rest") || has_member(root, "springs", "law")))
-    return 0;
+  if (has_member(root, "springs", "law")) return 0;
   return part->nparticles >= part->nranks && part->nsprings >= 0 && part->nfaces >= 0 &&
          have_rows(root, of_particles, part->nparticles) &&
          have_rows(root, of_springs, part->nsprings) && have_rows(root, of_faces, part->nfaces);
@@ -91,6 +89,7 @@ int ms_import_part_select(ms_import_nodes *in, ms_scene_part *part) {
   part->nsprings = (int32_t)count_rows(root, of_springs);
   part->nfaces = (int32_t)count_rows(root, of_faces);
   if (!may_be_divided(root, part)) return 0;
+  part->lacks_rest = part->nsprings && !has_member(root, "springs", "rest");
   const ms_section is = ms_section_of_part(part);
   limit_rows(root, of_particles, is.first, is.n);
   limit_rows(root, of_springs, is.first_spring, is.nsprings);

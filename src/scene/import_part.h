@@ -6,9 +6,9 @@
 #include "scene/import_nodes.h"
 
 /* Limit the columns of a scene to the section of part->rank, one of part->nranks (section.h), and
- * set the other counts. 0: the scene has to be read as a whole, because it has objects, laws,
- * angular springs, motions, springs without `rest`, fewer particles than ranks, or arrays whose
- * sizes do not fit; nothing is changed. */
+ * set its other members but rows. 0: the scene has to be read as a whole, because it has objects,
+ * laws, angular springs, motions, fewer particles than ranks, or arrays whose sizes do not fit;
+ * nothing is limited. */
 int ms_import_part_select(ms_import_nodes *in, ms_scene_part *part);
 
 /* The scene that was read becomes one without particles, beside its part; takes over the rows. */

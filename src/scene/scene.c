@@ -67,7 +67,7 @@ static void append_particles(ms_scene *s, int32_t n, const double *x, const doub
   s->nparticles += n;
 }
 
-static double particle_distance(const double *a, const double *b) {
+double ms_scene_distance(const double *a, const double *b) {
   double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
   return sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
 }
@@ -77,7 +77,7 @@ static void count_springs(ms_scene *s, int32_t n, int has_rest) {
   const size_t at = (size_t)s->nsprings, count = (size_t)n;
   for (size_t e = at; e < at + count && !has_rest; e++)
     s->rest[e] =
-        particle_distance(s->x + 3 * (size_t)s->ij[2 * e], s->x + 3 * (size_t)s->ij[2 * e + 1]);
+        ms_scene_distance(s->x + 3 * (size_t)s->ij[2 * e], s->x + 3 * (size_t)s->ij[2 * e + 1]);
   if (s->law) memset(s->law + at, 0, count * sizeof *s->law);
   if (s->broken) memset(s->broken + at, MS_INTACT, count);
   s->nsprings += n;
@@ -140,13 +140,16 @@ static msim_status check_spring(const ms_scene *s, int64_t e, const int32_t *ij,
   return MSIM_OK;
 }
 
-static msim_status check_length(const ms_scene *s, int64_t e, const int32_t *ij, msim_error *err) {
-  double length = particle_distance(s->x + 3 * (size_t)ij[0], s->x + 3 * (size_t)ij[1]);
-  if (isfinite(length)) return MSIM_OK;
+msim_status ms_scene_refuse_length(int64_t e, msim_error *err) {
   return ms_error_set(err, MSIM_ERR_ARG,
                       "the length of springs.ij[%lld] is beyond the range of double; specify "
                       "springs.rest or use smaller coordinates",
                       (long long)e);
+}
+
+static msim_status check_length(const ms_scene *s, int64_t e, const int32_t *ij, msim_error *err) {
+  const double *from = s->x + 3 * (size_t)ij[0], *to = s->x + 3 * (size_t)ij[1];
+  return isfinite(ms_scene_distance(from, to)) ? MSIM_OK : ms_scene_refuse_length(e, err);
 }
 
 /*------------------------------------- setters --------------------------------------------------*/

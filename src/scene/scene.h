@@ -96,6 +96,7 @@ typedef struct ms_scene_part {
   ms_scene *rows; /* particles, springs and faces of ms_section_of_rank, nothing else */
   int32_t rank, nranks;
   int32_t nparticles, nsprings, nfaces; /* of the whole scene */
+  int lacks_rest; /* 1: the file has no rest lengths, for which ranks need each other's particles */
 } ms_scene_part;
 
 struct msim_scene {
@@ -189,6 +190,12 @@ msim_status ms_scene_check_count(int64_t n, const char *what, msim_error *err);
  * `width` numbers. */
 msim_status ms_scene_check_finite(const char *what, int64_t n, int width, const double *values,
                                   msim_error *err);
+
+/* The length of a spring between two points */
+double ms_scene_distance(const double *a, const double *b);
+
+/* Refuse the length of spring e, which is not finite. */
+msim_status ms_scene_refuse_length(int64_t e, msim_error *err);
 
 /* Append an option of the scene file's `run`; the caller has checked it by msim_options_set. */
 msim_status ms_scene_add_run_option(msim_scene *scene, const char *name, const char *value,

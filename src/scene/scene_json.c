@@ -142,7 +142,8 @@ static msim_status add_listed_springs(const ms_json_reader *r, ms_value section,
                      ms_json_read_each(r, "springs.damping", damping, keys[MS_KEY_DAMPING].range, n,
                                        s->damping + at));
   if (status) return status;
-  return ms_json_forward_error(r, "", ms_scene_end_springs(s, n, rest.json != NULL, r->err));
+  const int has_rest = rest.json || r->nends; /* of a part it is computed later */
+  return ms_json_forward_error(r, "", ms_scene_end_springs(s, n, has_rest, r->err));
 }
 
 static msim_status read_laws_of_springs(const ms_json_reader *r, ms_value law, int32_t n) {

@@ -1,7 +1,5 @@
 #include "sim/rank_distribute.h"
 
-#include <stdlib.h>
-
 #include "layout/rank_order.h"
 #include "scene/scene_data.h"
 #include "sim/rank_fetch.h"
@@ -123,23 +121,15 @@ static msim_status send_springs(ms_ranks *ranks, const ms_scene *t, const ms_ran
 
 /*------------------------------------- the part -------------------------------------------------*/
 
-static int compare_numbers(const void *a, const void *b) {
-  const int32_t i = *(const int32_t *)a, j = *(const int32_t *)b;
-  return (i > j) - (i < j);
-}
-
 /* kept->particle: own particles and the ends of nsprings springs, each once, ascending, *n of them.
  * Returns 0 without memory. */
 static int list_particles(const msim_allocator *alloc, ms_rank_scene *kept, int64_t nown,
                           int64_t nsprings, const int32_t *end, int32_t *n) {
   const int64_t most = nown + 2 * nsprings;
   int32_t *all = NULL;
-  *n = 0;
   if (!MS_NEW(alloc, all, most)) return 0;
   for (int64_t k = 0; k < most; k++) all[k] = k < nown ? kept->order->own[k] : end[k - nown];
-  qsort(all, (size_t)most, sizeof *all, compare_numbers);
-  for (int64_t k = 0; k < most; k++)
-    if (k == 0 || all[k] != all[k - 1]) all[(*n)++] = all[k];
+  *n = ms_rank_fetch_sort(most, all);
   const int fits = MS_NEW(alloc, kept->particle, *n) != NULL;
   for (int32_t k = 0; k < *n && fits; k++) kept->particle[k] = all[k];
   ms_memory_free(alloc, all);

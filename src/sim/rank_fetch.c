@@ -1,5 +1,6 @@
 #include "sim/rank_fetch.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 static const msim_allocator *alloc_of(const ms_rank_fetch *f) { return &f->slices->slice->alloc; }
@@ -30,6 +31,19 @@ static void set_bytes(const ms_rank_fetch *f, const int64_t *nsend, const int64_
     f->slices->send_bytes[r] = nsend[r] * (int64_t)size;
     f->slices->receive_bytes[r] = nreceive[r] * (int64_t)size;
   }
+}
+
+static int compare_numbers(const void *a, const void *b) {
+  const int32_t i = *(const int32_t *)a, j = *(const int32_t *)b;
+  return (i > j) - (i < j);
+}
+
+int32_t ms_rank_fetch_sort(int64_t n, int32_t *number) {
+  int32_t count = 0;
+  qsort(number, (size_t)n, sizeof *number, compare_numbers);
+  for (int64_t k = 0; k < n; k++)
+    if (k == 0 || number[k] != number[k - 1]) number[count++] = number[k];
+  return count;
 }
 
 static msim_status agree(const ms_rank_fetch *f, int fits, msim_error *err) {

@@ -14,6 +14,9 @@ typedef struct ms_rank_fetch {
   char *buffer; /* room for sum_out rows of any array */
 } ms_rank_fetch;
 
+/* Sort numbers, and leave each of them once; returns how many are left. */
+int32_t ms_rank_fetch_sort(int64_t n, int32_t *number);
+
 /* Ask for n particles or springs of ascending numbers. Collective, with the same status on all
  * ranks; destroy it, also after an error. */
 msim_status ms_rank_fetch_create(ms_ranks *ranks, const ms_rank_scene *slices, ms_element of,

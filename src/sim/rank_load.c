@@ -7,6 +7,7 @@
 #include "scene/scene_data.h"
 #include "sim/rank_distribute.h"
 #include "sim/rank_gather.h"
+#include "sim/rank_rest.h"
 
 /*------------------------------------- checks ---------------------------------------------------*/
 
@@ -35,7 +36,7 @@ static msim_status check_part(const msim_scene *scene, const ms_ranks *ranks, ms
 static uint64_t hash_part(const ms_scene_part *part) {
   if (!part) return 0;
   const int32_t counts[] = {part->nparticles, part->nsprings, part->nfaces,
-                            part->rows->force != NULL};
+                            part->rows->force != NULL, part->lacks_rest};
   return ms_archive_hash(1, counts, sizeof counts);
 }
 
@@ -123,8 +124,9 @@ msim_status ms_rank_load_scene(const msim_scene *scene, const msim_options *opt,
     load->scene = ms_scene_retain(scene->data);
     return MSIM_OK;
   }
-  const int divides = distributes(scene, opt, ranks);
-  status = ms_ranks_agree(ranks, MSIM_OK, err);
+  if (scene->part->lacks_rest) status = ms_rank_rest_compute(scene->part, ranks, err);
+  const int divides = !status && distributes(scene, opt, ranks);
+  status = ms_ranks_agree(ranks, status, err);
   if (status) return status;
   const int islands = !(opt->skip_off & MSIM_SKIP_ISLANDS);
   return divides ? ms_rank_distribute(scene, ranks, islands, load, err)
