@@ -148,9 +148,10 @@ static const double *apply(msim_sim *sim, const double *v, double *curvature) {
   const ms_linear_system *system = pcg->base.system;
   *curvature += parts + ms_angle_springs_apply(system->model, &system->a, 1 / pcg->jacobi.scale,
                                                pcg->p, pcg->q);
-  for (size_t i = 0; i < length(sim); i++) pcg->q[i] *= pcg->jacobi.scale;
+  double *q = pcg->q;
+  for (size_t i = 0; i < length(sim); i++) q[i] *= pcg->jacobi.scale;
   *curvature *= pcg->jacobi.scale;
-  return pcg->q;
+  return q;
 }
 
 /* M = L L^T in the order of the aggregates */

@@ -194,7 +194,8 @@ static void nothing_is_left_of_iterations_before(void **state) {
     double *z[2] = {ms_unknowns_new_vector(sim->scene, rows),
                     ms_unknowns_new_vector(sim->scene, rows)};
     for (int i = 0; i < 2; i++) {
-      for (size_t k = 0; k < count && i; k++) pcg->p[k] = pcg->q[k] = NAN;
+      double *p = pcg->p, *q = pcg->q;
+      for (size_t k = 0; k < count && i; k++) p[k] = q[k] = NAN;
       pcg->base.ops->precondition(&pcg->base, sim->islands->stepper.v, z[i]);
     }
     assert_memory_equal(z[0], z[1], count * sizeof(double));

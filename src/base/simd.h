@@ -91,7 +91,18 @@ static inline void ms_simd_store_doubles(double *to, ms_lanes v) {
   memcpy(to, &wide, sizeof wide);
 }
 
-#ifndef MS_SINGLE
+/* to += a v, in doubles */
+static inline void ms_simd_add_to_doubles(double *to, double a, ms_lanes v) {
+  ms_doubles sum;
+  memcpy(&sum, to, sizeof sum);
+  sum += a * __builtin_convertvector(v, ms_doubles);
+  memcpy(to, &sum, sizeof sum);
+}
+
+/* from and to floats */
+#ifdef MS_SINGLE
+static inline ms_lanes ms_simd_load_floats(const float *from) { return ms_simd_load(from); }
+#else
 /* floats to doubles; intrinsics, because GCC 12 converts half a register at a time otherwise */
 static inline ms_lanes ms_simd_load_floats(const float *from) {
 #  if defined(__AVX512F__)

@@ -74,8 +74,10 @@ static void assemble_aggregate(ms_coarse *coarse, const float *coefficients, con
 
 /* Consecutive rows are mostly of the same part. It starts from 0 where it is met first: parts are
  * numbered in that order. */
-MS_INLINE void restrict_rows_of(size_t dims, ms_coarse *coarse, const double *r, size_t begin,
-                                size_t end) {
+MS_INLINE void restrict_rows_of(size_t dims, int single, ms_coarse *coarse, const void *r,
+                                size_t begin, size_t end) {
+  const double *doubles = r;
+  const float *floats = r;
   const float *weight = coarse->aggregates.weight;
   const int32_t *part = coarse->restriction.part;
   const size_t stride = (size_t)coarse->model->unknowns.stride;
@@ -88,15 +90,20 @@ MS_INLINE void restrict_rows_of(size_t dims, ms_coarse *coarse, const double *r,
     else met = (size_t)own + 1;
     for (; row < end && part[row] == own; row++) {
       const ms_quad w = ms_simd_load_float_quad(weight + MS_MODES * row);
-      for (size_t c = 0; c < dims; c++) sum[c] += w * r[c * stride + row];
+      for (size_t c = 0; c < dims; c++)
+        sum[c] += w * (single ? (double)floats[c * stride + row] : doubles[c * stride + row]);
     }
     for (size_t c = 0; c < dims; c++) ms_simd_store_quad(to + MS_MODES * c, sum[c]);
   }
 }
 
-static void restrict_rows(ms_coarse *coarse, const double *r, size_t begin, size_t end) {
-  if (coarse->model->unknowns.dims == 3) restrict_rows_of(3, coarse, r, begin, end);
-  else restrict_rows_of(2, coarse, r, begin, end);
+static void restrict_rows(ms_coarse *coarse, const void *r, size_t begin, size_t end) {
+  const int is_spatial = coarse->model->unknowns.dims == 3;
+  if (coarse->model->single) {
+    if (is_spatial) restrict_rows_of(3, 1, coarse, r, begin, end);
+    else restrict_rows_of(2, 1, coarse, r, begin, end);
+  } else if (is_spatial) restrict_rows_of(3, 0, coarse, r, begin, end);
+  else restrict_rows_of(2, 0, coarse, r, begin, end);
 }
 
 static void add_parts(ms_coarse *coarse, int32_t aggregate) {

@@ -9,8 +9,9 @@ typedef struct ms_coarse_kernels {
   /* value += the part of P^T A P that the unknowns of one aggregate contribute */
   void (*assemble)(ms_coarse *coarse, const float *coefficients, const double *inertia,
                    int32_t aggregate);
-  /* The sums of restriction.h of a chunk, rows [begin, end) */
-  void (*restrict_rows)(ms_coarse *coarse, const double *r, size_t begin, size_t end);
+  /* The sums of restriction.h of a chunk, rows [begin, end); r: of doubles, or of floats if
+   * the model computes in single precision */
+  void (*restrict_rows)(ms_coarse *coarse, const void *r, size_t begin, size_t end);
   /* coarse->r = P^T r, for one aggregate, from the sums of its parts */
   void (*add_parts)(ms_coarse *coarse, int32_t aggregate);
 } ms_coarse_kernels;

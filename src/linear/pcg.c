@@ -12,6 +12,14 @@
 #include "physics/rank_model.h"
 
 MS_TABLES(ms_pcg_kernels);
+MS_TABLES(ms_single_pcg_kernels);
+MS_TABLES(ms_pcg_pack_kernels);
+
+/* The length of r, z, q and p, which follow each other */
+static size_t vector_bytes(const ms_model *model) {
+  return (size_t)model->shape.dims * (size_t)model->shape.stride *
+         (model->single ? sizeof(float) : sizeof(double));
+}
 
 /*------------------------------------- sweeps ---------------------------------------------------*/
 
@@ -20,6 +28,7 @@ enum { CHUNK = MS_RESTRICTION_SLICES }; /* slices in a chunk of work */
 /* Arguments of one sweep over all slices by all threads */
 typedef struct pcg_sweep {
   ms_pcg *s;
+  const double *b;
   double alpha, beta;
 } pcg_sweep;
 
@@ -30,7 +39,17 @@ static int32_t pcg_run(ms_pool_chunk *work, pcg_sweep *j) {
 
 static void pack_chunk(void *data, int32_t begin, int32_t end) {
   ms_pcg *s = ((pcg_sweep *)data)->s;
-  s->kernels->pack(s, begin, end);
+  ms_pcg_pack_kernels_of[s->base.system->model->isa]->pack(s, begin, end);
+}
+
+static void begin_chunk(void *data, int32_t begin, int32_t end) {
+  const pcg_sweep *j = data;
+  j->s->kernels->begin(j->s, j->b, begin, end);
+}
+
+static void end_chunk(void *data, int32_t begin, int32_t end) {
+  const pcg_sweep *j = data;
+  j->s->kernels->end(j->s, j->alpha, begin, end);
 }
 
 static void pcg_apply_chunk(void *data, int32_t begin, int32_t end) {
@@ -176,7 +195,7 @@ static msim_status factor_own(ms_pcg *s, int32_t kind) {
   if (status) return status;
   pcg_run(pack_chunk, &(pcg_sweep){.s = s});
   if (s->base.aggregates) status = factor_coarse(s, kind);
-  clear_padding(model->shape, s->r);
+  memset(s->r, 0, vector_bytes(model));
   return status;
 }
 
@@ -194,53 +213,71 @@ static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
 
 /*------------------------------------- iterations -----------------------------------------------*/
 
-/* Iterate from the residual r of y until the norm of the recursively updated r is <= goal. */
-static msim_status pcg_iterate(ms_pcg *s, double goal, int64_t limit, int64_t *iterations) {
-  const ms_shape shape = s->base.system->model->shape;
-  double alpha = 0, rho = 0;
-  ms_vector_clear_all(shape, s->q);
-  ms_vector_clear_all(shape, s->p);
+/* r = b, the residual of y, which may lie in z and q; p = 0 unless s->rho > 0. */
+static void begin_iteration(ms_pcg *s, const double *b) {
+  const size_t bytes = vector_bytes(s->base.system->model);
+  pcg_run(begin_chunk, &(pcg_sweep){.s = s, .b = b});
+  memset(s->q, 0, bytes);
+  if (s->rho == 0) memset(s->p, 0, bytes);
+}
+
+/* Iterate from the residual b of y until the norm of the recursively updated one is <= goal. */
+static msim_status pcg_iterate(ms_pcg *s, const double *b, double goal, int64_t limit,
+                               int64_t *iterations) {
+  double alpha = 0;
+  begin_iteration(s, b);
+  goal /= sqrt(s->jacobi.scale) * s->unit;
   for (;; ++*iterations) {
-    double product[2] = {pcg_reduce(s, alpha)}, rho_new = 0;
-    if (s->modes) rho_new = pcg_solve_coarse(s, product); /* one message for both products */
+    double product[2] = {pcg_reduce(s, alpha)}, rho = 0;
+    if (s->modes) rho = pcg_solve_coarse(s, product); /* one message for both products */
     const int done = product[0] <= goal * goal;
     if (done || *iterations >= limit) {
-      ms_vector_axpy(shape, alpha, s->p, s->y);
+      pcg_run(end_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
       return done ? MSIM_OK : MSIM_NOT_CONVERGED;
     }
-    if (!s->modes) rho_new = pcg_solve_coarse(s, product);
-    pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
-    rho = rho_new;
+    if (!s->modes) rho = pcg_solve_coarse(s, product);
+    pcg_advance(s, alpha, s->rho > 0 ? rho / s->rho : 0);
+    s->rho = rho;
     const double curvature = pcg_apply(s);
     if (!(curvature > 0)) return MSIM_NOT_SPD;
     alpha = rho / curvature;
   }
 }
 
+/* A power of 2 near a norm of b. Powers of it are exact. */
+static double find_unit(const ms_pcg *s, double size) {
+  int exponent = 0;
+  if (s->base.system->model->single) frexp(size / sqrt(s->jacobi.scale), &exponent);
+  return ldexp(1, exponent);
+}
+
 /* The recursively updated residual drifts from the true one, and its norm uses D^-1 in single
  * precision. At the goal the iteration restarts from the true residual, until that reaches the goal
- * or is no longer halved. */
+ * or is no longer halved. Floats drift soon: there the true residual replaces that of the recursion
+ * each time that it has fallen by DROP, while both are near, and the directions go on (van der
+ * Vorst and Ye, SIAM J. Sci. Comput. 22 (2000) 835). */
 static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, const double *b,
                              double *y, int64_t *iterations, msim_error *err) {
   (void)err;
-  const double SAFETY = 0.9;
+  const double SAFETY = 0.9, DROP = 1e-4;
   ms_pcg *s = (ms_pcg *)base;
-  const ms_shape shape = base->system->model->shape;
+  const int single = base->system->model->single != NULL;
   const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
   double last = INFINITY;
   int64_t count = 0;
   msim_status status = MSIM_OK;
   s->y = y;
+  s->rho = 0, s->unit = find_unit(s, target->size);
   base->residual = target->size;
-  ms_vector_copy(shape, b, s->r);
-  for (;;) {
+  for (const double *left = b;; left = s->z) {
     base->is_verified = base->residual <= goal;
     if (base->is_verified || base->residual > 0.5 * last) break;
     last = base->residual;
-    ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);
-    status = pcg_iterate(s, SAFETY * goal / sqrt(s->jacobi.scale), target->max_iterations, &count);
+    if (!single) s->rho = 0;
+    const double next = single ? fmax(SAFETY * goal, DROP * last) : SAFETY * goal;
+    status = pcg_iterate(s, left, next, target->max_iterations, &count);
     if (status) break;
-    base->residual = ms_residual_compute(base->system, b, y, s->r);
+    base->residual = ms_residual_compute(base->system, b, y, s->z);
   }
   *iterations += count;
   return status;
@@ -331,17 +368,21 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
 
 /* The vectors of iterations, whose content factor() may overwrite. They lie in the memory in which
  * the coarse matrix is factored, if that is large enough. The inverse blocks in double precision,
- * which only factor() uses, lie in p and q. */
+ * which only factor() uses, lie in the last ones, as long as two vectors of doubles. */
 static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   const ms_model *model = s->base.system->model;
-  const size_t vector = (size_t)model->unknowns.dims * (size_t)model->unknowns.stride;
-  s->r = s->coarse.value;
-  if (ms_coarse_value_size(&s->coarse) < 4 * vector)
-    s->r = MS_NEW(&model->scene->alloc, s->vectors, 4 * vector);
-  if (!s->r) return ms_error_set_memory(err, "conjugate gradients");
-  s->z = s->r + vector, s->p = s->z + vector, s->q = s->p + vector;
-  s->jacobi = (ms_jacobi){.block = s->base.system->a.block, .scale = 1, .inverse = s->p};
-  s->base.work[0] = s->z, s->base.work[1] = s->p, s->base.work[2] = s->q;
+  const size_t vector = (size_t)model->shape.dims * (size_t)model->shape.stride;
+  const size_t bytes = vector_bytes(model), length = 4 * bytes / sizeof(double);
+  double *room = s->coarse.value;
+  if (ms_coarse_value_size(&s->coarse) < length)
+    room = MS_NEW(&model->scene->alloc, s->vectors, length);
+  if (!room) return ms_error_set_memory(err, "conjugate gradients");
+  s->r = room, s->z = (char *)s->r + bytes, s->q = (char *)s->z + bytes;
+  s->p = (char *)s->q + bytes;
+  s->jacobi = (ms_jacobi){
+      .block = s->base.system->a.block, .scale = 1, .inverse = room + (length - 2 * vector)};
+  if (!model->single) /* floats have not the room */
+    s->base.work[0] = s->z, s->base.work[1] = s->q, s->base.work[2] = s->p;
   return MSIM_OK;
 }
 
@@ -386,7 +427,8 @@ msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *op
   ms_pcg *s = ms_memory_allocate(&model->scene->alloc, 1, sizeof *s);
   if (!s) return ms_error_set_memory(err, "conjugate gradients");
   s->base = (ms_linear){.ops = &ops, .system = system, .name = "pcg"};
-  s->kernels = ms_pcg_kernels_of[model->isa];
+  s->unit = 1;
+  s->kernels = model->single ? ms_single_pcg_kernels_of[model->isa] : ms_pcg_kernels_of[model->isa];
   s->may_reuse_coarse = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
   msim_status status = pcg_allocate(s, err);
   if (!status && size.aggregate) status = create_coarse(s, size, err);

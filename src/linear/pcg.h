@@ -6,6 +6,9 @@
  * b the drag, with t and w in single precision. That rounding changes the matrix of a spring a
  * little, but alike at both ends, and for t >= 0 it stays positive semidefinite: momentum is
  * conserved, and A stays as definite as it is. Sums are in double precision.
+ * In models of single precision r, z, p and q are floats, too, but y is not: errors of r and p
+ * delay the iteration a little, whereas those of y would be multiplied by A. The true residual, in
+ * doubles, decides in any case. descend() and precondition() are for doubles.
  * Angular springs (physics/angle_springs.h) are added to it in double precision.
  * One iteration consists of three sweeps over the unknowns:
  *     apply    q = A p,                                   sum p.q
@@ -28,10 +31,13 @@ typedef struct ms_pcg {
   float *coefficients;        /* 32 halves.nslots: t, wx, wy, wz of 8 half-edges, by entry */
   ms_compression compression; /* of descend(); model NULL: not prepared */
   ms_jacobi jacobi;
-  float *inverse;  /* jacobi.inverse, rounded; in blocks even where that is scalar */
-  double *inertia; /* first_pinned: m + h b, with the mean of the block of a force function */
-  double *r, *z, *p, *q, *y; /* y: the caller's */
-  double *vectors;           /* r, z, p and q; NULL: in coarse.value */
+  float *inverse;      /* jacobi.inverse, rounded; in blocks even where that is scalar */
+  double *inertia;     /* first_pinned: m + h b, with the mean of the block of a force function */
+  void *r, *z, *p, *q; /* vectors of doubles, or of floats if the model computes with these */
+  double *y;           /* the caller's */
+  double rho;          /* r.B r of the iteration that p is from; 0: p starts anew */
+  double unit;         /* of r, z, p and q; power of 2, 1 for doubles: squares are in range */
+  double *vectors;     /* r, z, p and q; NULL: in coarse.value */
   ms_coarse coarse;
   int coarse_is_ready;     /* 1: the coarse matrix is factored */
   int may_reuse_coarse;    /* 1: that factor may be lagged, i.e. serve later systems */
@@ -43,13 +49,23 @@ typedef struct ms_pcg {
   const struct ms_pcg_kernels *kernels;
 } ms_pcg;
 
-typedef struct ms_pcg_kernels {
+typedef struct ms_pcg_pack_kernels {
+  /* the matrix, its diagonal and the inverse blocks in the units of pcg, as floats */
   void (*pack)(ms_pcg *s, int32_t begin, int32_t end);
+} ms_pcg_pack_kernels;
+
+typedef struct ms_pcg_kernels {
+  /* r = b */
+  void (*begin)(const ms_pcg *s, const double *b, int32_t begin, int32_t end);
   void (*apply)(const ms_pcg *s, int32_t begin, int32_t end, double *sum);
   void (*apply_split_rows)(const ms_pcg *s,
                            double *sum); /* split rows, after apply() of all slices */
   void (*reduce)(const ms_pcg *s, double alpha, int32_t begin, int32_t end, double *sum);
   void (*advance)(const ms_pcg *s, double alpha, double beta, int32_t begin, int32_t end);
+  /* y += alpha p */
+  void (*end)(const ms_pcg *s, double alpha, int32_t begin, int32_t end);
 } ms_pcg_kernels;
+
+typedef ms_pcg_kernels ms_single_pcg_kernels; /* those for models in single precision */
 
 #endif

@@ -1,12 +1,14 @@
 /* Kernels of pcg.h: the sweeps of conjugate gradients. This file is compiled once per instruction
- * set, MS_ISA. Loops over components are unrolled: `dims` is a constant where functions are
- * inlined. */
-#include <float.h>
-#include <string.h>
-
+ * set, MS_ISA, and once more for single precision (single_pcg_kernels.c). Loops over components are
+ * unrolled: `dims` is a constant where functions are inlined. */
 #include "linear/pcg.h"
 #include "physics/lanes.h"
-#include "physics/particle_blocks.h"
+
+#ifdef MS_SINGLE
+#  define PCG_KERNELS ms_single_pcg_kernels
+#else
+#  define PCG_KERNELS ms_pcg_kernels
+#endif
 
 /* 8 running sums, one per lane of a slice. total_lanes() adds them up as a tree, so that the order
  * of summation is the same on every instruction set. */
@@ -15,82 +17,10 @@ typedef struct lane_sums {
 } lane_sums;
 
 MS_INLINE void add_lanes(lane_sums *s, size_t lane, ms_lanes v) {
-  ms_simd_store(s->lane + lane, ms_simd_load(s->lane + lane) + v);
+  ms_simd_add_to_doubles(s->lane + lane, 1, v);
 }
 
 static inline double total_lanes(const lane_sums *s) { return ms_vector_sum_lanes(s->lane); }
-
-/*------------------------------------- pack -----------------------------------------------------*/
-
-/* t, wx, wy, wz of 8 half-edges, by entry, w = sqrt(g) d; dims = 0: a scalar matrix, w stays 0 */
-MS_INLINE void pack_slice_range(int dims, ms_pcg *s, int32_t range) {
-  const ms_coefficients *a = &s->base.system->a;
-  const ms_model *model = s->base.system->model;
-  const ms_half_edges *half_edges = &model->half_edges;
-  const size_t stride = (size_t)model->unknowns.stride;
-  const double by = 1 / s->jacobi.scale, root = sqrt(by);
-  const ms_slice_range p = ms_slice_range_at(half_edges, range, NULL, 0);
-  for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++)
-    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      float *to = s->coefficients + 4 * MS_SLICE * (size_t)entry + lane;
-      const size_t at = MS_SLICE * (size_t)entry + lane;
-      ms_simd_store_floats(to, by * ms_simd_load(a->t + at));
-      if (dims == 0) continue;
-      const ms_lane_vectors xi = ms_load_own(dims, p, lane, a->x, stride);
-      const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, a->x, stride);
-      const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi);
-      const ms_lanes length = root * ms_simd_sqrt(ms_simd_load(a->g + at));
-      for (int c = 0; c < dims; c++)
-        ms_simd_store_floats(to + MS_SLICE * (size_t)(c + 1), length * d.c[c]);
-    }
-}
-
-MS_INLINE void pack_slice_ranges(int dims, ms_pcg *s, int32_t begin, int32_t end) {
-  for (int32_t range = begin; range < end; range++) pack_slice_range(dims, s, range);
-}
-
-/* Scale an inverse block that exceeds the range of floats, whereby it stays positive definite. The
- * largest entry of such a block is on its diagonal. */
-static void shrink_to_float_range(ms_pcg *s, size_t block, size_t row) {
-  const size_t stride = (size_t)s->base.system->model->unknowns.first_pinned;
-  const double *from = s->jacobi.inverse + row;
-  double largest = 0;
-  for (size_t c = 0; c < block; c++) largest = fmax(largest, from[c * stride]);
-  if (largest <= FLT_MAX) return;
-  for (size_t q = 0; q < ms_coefficients_diagonal_size(block); q++)
-    s->inverse[q * stride + row] = (float)(FLT_MAX / largest * from[q * stride]);
-}
-
-static void pack_unknowns(ms_pcg *s, size_t begin, size_t end) {
-  const ms_model *model = s->base.system->model;
-  const size_t dims = (size_t)model->unknowns.dims, stride = (size_t)model->unknowns.first_pinned;
-  const size_t block = (size_t)s->jacobi.block;
-  const double by = 1 / s->jacobi.scale;
-  int beyond = 0;
-  for (size_t r = begin; r < end; r++)
-    s->inertia[r] = by * (model->mass[r] + s->base.system->a.drag);
-  for (size_t r = begin; r < end && s->base.system->a.own; r++)
-    s->inertia[r] += by * ms_particle_blocks_mean(model, s->base.system->a.own, (int32_t)r);
-  for (size_t q = 0; q < ms_coefficients_diagonal_size(block); q++)
-    for (size_t r = begin; r < end; r++) {
-      s->inverse[q * stride + r] = (float)s->jacobi.inverse[q * stride + r];
-      beyond |= s->jacobi.inverse[q * stride + r] > FLT_MAX;
-    }
-  for (size_t r = begin; r < end && beyond; r++) shrink_to_float_range(s, block, r);
-  for (size_t c = 1; c < dims && block == 1; c++) /* repeat scalars along the diagonal of a block */
-    memcpy(s->inverse + c * stride + begin, s->inverse + begin, (end - begin) * sizeof(float));
-}
-
-static void pack_slices(ms_pcg *s, int32_t begin, int32_t end) {
-  const ms_model *model = s->base.system->model;
-  const ms_half_edges *half_edges = &model->half_edges;
-  /* split rows together with the last slices */
-  const int32_t last = end < half_edges->nslices ? end : half_edges->nslices + half_edges->nparts;
-  if (s->jacobi.block == 1) pack_slice_ranges(0, s, begin, last);
-  else if (model->unknowns.dims == 3) pack_slice_ranges(3, s, begin, last);
-  else pack_slice_ranges(2, s, begin, last);
-  pack_unknowns(s, MS_SLICE * (size_t)begin, MS_SLICE * (size_t)end);
-}
 
 /*------------------------------------- apply ----------------------------------------------------*/
 
@@ -100,11 +30,12 @@ MS_INLINE void add_half_edges(size_t dims, const ms_pcg *s, int32_t range, size_
                               const ms_lanes p[3], ms_lanes q[3]) {
   const ms_half_edges *half_edges = &s->base.system->model->half_edges;
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
+  const ms_real *vec = s->p;
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
     const float *a = s->coefficients + 4 * MS_SLICE * (size_t)entry + lane;
     const ms_lanes t = ms_simd_load_floats(a);
     const ms_lane_vectors other =
-        ms_load_neighbours((int)dims, half_edges, entry, lane, s->p, stride);
+        ms_load_neighbours((int)dims, half_edges, entry, lane, vec, stride);
     ms_lanes w[3], d[3], along = {0};
     for (size_t c = 0; c < dims; c++) {
       w[c] = ms_simd_load_floats(a + MS_SLICE * (c + 1));
@@ -118,19 +49,21 @@ MS_INLINE void add_half_edges(size_t dims, const ms_pcg *s, int32_t range, size_
 MS_INLINE void apply_slices_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end,
                                double *sum) {
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
+  const ms_real *from = s->p;
+  ms_real *to = s->q;
   lane_sums pq = {{0}};
   for (int32_t g = begin; g < end; g++) {
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const size_t row = MS_SLICE * (size_t)g + lane;
-      const ms_lanes inertia = ms_simd_load(s->inertia + row);
+      const ms_lanes inertia = ms_simd_load_doubles(s->inertia + row);
       ms_lanes p[3], q[3], dot = {0};
       for (size_t c = 0; c < dims; c++) {
-        p[c] = ms_simd_load(s->p + c * stride + row);
+        p[c] = ms_simd_load(from + c * stride + row);
         q[c] = inertia * p[c];
       }
       add_half_edges(dims, s, g, lane, p, q);
       for (size_t c = 0; c < dims; c++) {
-        ms_simd_store(s->q + c * stride + row, q[c]);
+        ms_simd_store(to + c * stride + row, q[c]);
         dot += p[c] * q[c];
       }
       add_lanes(&pq, lane, dot);
@@ -143,6 +76,8 @@ MS_INLINE void apply_slices_of(size_t dims, const ms_pcg *s, int32_t begin, int3
 MS_INLINE void apply_split_rows_of(size_t dims, const ms_pcg *s, double *sum) {
   const ms_half_edges *half_edges = &s->base.system->model->half_edges;
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
+  const ms_real *from = s->p;
+  ms_real *to = s->q;
   *sum = 0;
   for (int32_t part = 0; part < half_edges->nparts; part++) {
     const size_t row = (size_t)half_edges->part_row[part];
@@ -150,15 +85,15 @@ MS_INLINE void apply_split_rows_of(size_t dims, const ms_pcg *s, double *sum) {
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const ms_lanes zero = {0};
       ms_lanes p[3], q[3] = {zero, zero, zero};
-      for (size_t c = 0; c < dims; c++) p[c] = zero + s->p[c * stride + row];
+      for (size_t c = 0; c < dims; c++) p[c] = zero + from[c * stride + row];
       add_half_edges(dims, s, half_edges->nslices + part, lane, p, q);
       /* cppcheck-suppress legacyUninitvar; an address is no read */
-      for (size_t c = 0; c < dims; c++) ms_simd_store(sums[c].lane + lane, q[c]);
+      for (size_t c = 0; c < dims; c++) ms_simd_store_doubles(sums[c].lane + lane, q[c]);
     }
     for (size_t c = 0; c < dims; c++) {
       const double q = total_lanes(&sums[c]);
-      s->q[c * stride + row] += q;
-      *sum += s->p[c * stride + row] * q;
+      to[c * stride + row] += (ms_real)q;
+      *sum += (double)from[c * stride + row] * q;
     }
   }
 }
@@ -179,12 +114,15 @@ MS_INLINE void reduce_slices_of(size_t dims, const ms_pcg *s, double alpha, int3
                                 int32_t end, double *sum) {
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   const size_t sd = (size_t)s->base.system->model->unknowns.first_pinned;
+  const ms_real *q = s->q;
+  ms_real *to_r = s->r, *to_z = s->z;
   lane_sums rz = {{0}};
   for (size_t row = MS_SLICE * (size_t)begin; row < MS_SLICE * (size_t)end; row += MS_LANES) {
     ms_lanes r[3], dot = {0};
     for (size_t c = 0; c < dims; c++) {
-      r[c] = ms_simd_load(s->r + c * stride + row) - alpha * ms_simd_load(s->q + c * stride + row);
-      ms_simd_store(s->r + c * stride + row, r[c]);
+      const size_t at = c * stride + row;
+      r[c] = ms_simd_load(to_r + at) - (ms_real)alpha * ms_simd_load(q + at);
+      ms_simd_store(to_r + at, r[c]);
     }
     for (size_t c = 0; c < dims; c++) {
       ms_lanes z = {0};
@@ -192,7 +130,7 @@ MS_INLINE void reduce_slices_of(size_t dims, const ms_pcg *s, double alpha, int3
         z += ms_simd_load_floats(s->inverse + ms_coefficients_diagonal_element(dims, c, d) * sd +
                                  row) *
              r[d];
-      ms_simd_store(s->z + c * stride + row, z);
+      ms_simd_store(to_z + c * stride + row, z);
       dot += r[c] * z;
     }
     add_lanes(&rz, row % MS_SLICE, dot);
@@ -226,16 +164,18 @@ MS_INLINE void prolong(size_t dims, const ms_coarse *coarse, size_t row, double 
 MS_INLINE void advance_slices_of(size_t dims, int two_level, const ms_pcg *s, double alpha,
                                  double beta, int32_t begin, int32_t end) {
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
+  const ms_real *from = s->z;
+  ms_real *to = s->p;
   double coarse[3][MS_SLICE] = {{0}};
   for (size_t g = MS_SLICE * (size_t)begin; g < MS_SLICE * (size_t)end; g += MS_SLICE) {
     if (two_level) prolong(dims, &s->coarse, g, coarse);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       for (size_t c = 0; c < dims; c++) {
         const size_t at = c * stride + g + lane;
-        const ms_lanes p = ms_simd_load(s->p + at);
-        ms_simd_store(s->y + at, ms_simd_load(s->y + at) + alpha * p);
-        const ms_lanes z = ms_simd_load(s->z + at) + ms_simd_load(coarse[c] + lane);
-        ms_simd_store(s->p + at, z + beta * p);
+        const ms_lanes p = ms_simd_load(to + at);
+        ms_simd_add_to_doubles(s->y + at, s->unit * alpha, p);
+        const ms_lanes z = ms_simd_load(from + at) + ms_simd_load_doubles(coarse[c] + lane);
+        ms_simd_store(to + at, z + (ms_real)beta * p);
       }
     }
   }
@@ -252,5 +192,28 @@ static void advance_slices(const ms_pcg *s, double alpha, double beta, int32_t b
   }
 }
 
-const ms_pcg_kernels MS_TABLE(ms_pcg_kernels) = {pack_slices, apply_slices, apply_split_rows,
-                                                 reduce_slices, advance_slices};
+/*------------------------------------- begin and end --------------------------------------------*/
+
+static void begin_slices(const ms_pcg *s, const double *b, int32_t begin, int32_t end) {
+  const ms_unknowns *rows = &s->base.system->model->unknowns;
+  const double by = 1 / s->jacobi.scale / s->unit;
+  const int32_t last = MS_SLICE * end < rows->nfree ? MS_SLICE * end : rows->nfree;
+  for (int32_t c = 0; c < rows->dims; c++) {
+    const size_t at = (size_t)c * (size_t)rows->stride;
+    ms_real *r = (ms_real *)s->r + at;
+    for (int32_t row = MS_SLICE * begin; row < last; row++) r[row] = (ms_real)(by * (b + at)[row]);
+  }
+}
+
+static void end_slices(const ms_pcg *s, double alpha, int32_t begin, int32_t end) {
+  const size_t stride = (size_t)s->base.system->model->unknowns.stride;
+  const ms_real *p = s->p;
+  for (size_t c = 0; c < (size_t)s->base.system->model->unknowns.dims; c++)
+    for (size_t row = MS_SLICE * (size_t)begin; row < MS_SLICE * (size_t)end; row += MS_LANES) {
+      const size_t at = c * stride + row;
+      ms_simd_add_to_doubles(s->y + at, s->unit * alpha, ms_simd_load(p + at));
+    }
+}
+
+const ms_pcg_kernels MS_TABLE(PCG_KERNELS) = {begin_slices,  apply_slices,   apply_split_rows,
+                                              reduce_slices, advance_slices, end_slices};

@@ -1,0 +1,150 @@
+/* Tests of two-level conjugate gradients with vectors of floats (precision = single): tolerances,
+ * number of iterations, small motions, and bits of threads and resumed runs. */
+#include <math.h>
+
+#include "checkpoints.h"
+#include "rank_scenes.h"
+#include "two_level.h"
+
+enum { SIZE = 64, SCENES = 4 };
+
+static msim_options two_level_in(int32_t precision) {
+  msim_options opt = two_level_options();
+  opt.precision = precision;
+  return opt;
+}
+
+/* A soft and a stiff cloth, each of two chunks of work; a solid; a mesh with a hub, whose row is
+ * split */
+static msim_scene *scene_of(int i) {
+  if (i < 2) return hanging_cloth(40, i ? 1e5 : 1e3, 0.01);
+  return i == 2 ? hanging_cube(10, 1e3) : random_mesh(1500, 5, 0.01);
+}
+
+/*------------------------------------- tolerances -----------------------------------------------*/
+
+/* Iterations of some steps, each of which ends with a residual within rtol */
+static int64_t count_iterations(const msim_scene *scene, int32_t precision, double rtol,
+                                int32_t aggregate) {
+  msim_options opt = two_level_in(precision);
+  opt.solver_rtol = rtol;
+  msim_sim *sim = make_two_level_sim(scene, &opt, aggregate);
+  for (int i = 0; i < 6; i++) {
+    assert_ok(msim_sim_step(sim, 1, err));
+    const ms_solver *solver = sim->islands->stepper.solver;
+    assert_true(solver->relative_residual > 0 && solver->relative_residual <= rtol);
+  }
+  const int64_t count = stats_of(sim).iterations;
+  msim_sim_destroy(sim);
+  return count;
+}
+
+/* Rounding delays conjugate gradients (Greenbaum, Linear Algebra Appl. 113 (1989) 7), by less than
+ * half of the iterations, and with a coarse space, which leaves few of them, by less than a fifth.
+ */
+static void every_tolerance_is_met(void **state) {
+  (void)state;
+  static const double rtol[] = {1e-3, 1e-6, 1e-8, 1e-12};
+  for (int s = 0; s < SCENES; s++) {
+    msim_scene *scene = scene_of(s);
+    for (int at = 0; at < 8; at++) {
+      const int32_t aggregate = at < 4 ? SIZE : 0;
+      const int64_t floats =
+                        count_iterations(scene, MSIM_PRECISION_SINGLE, rtol[at % 4], aggregate),
+                    doubles =
+                        count_iterations(scene, MSIM_PRECISION_DOUBLE, rtol[at % 4], aggregate);
+      if ((double)floats > (aggregate ? 1.2 : 1.5) * (double)doubles)
+        fail_msg("scene %d, rtol %g: %d iterations, not %d", s, rtol[at % 4], (int)floats,
+                 (int)doubles);
+    }
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A chain of springs of rest length 0 that hangs in one point: with gravity g its motion is g times
+ * that with 1, to the bit if g is a power of 2, although squares of its numbers are no floats. */
+static void motion_may_be_small(void **state) {
+  (void)state;
+  enum { N = 50 };
+  static const double x[3 * N], rest[N];
+  double mass[N], k[N], g[3] = {0, 0, 1};
+  int32_t ij[2 * N];
+  const int32_t pin = 0;
+  msim_sim *sims[2];
+  for (int i = 0; i < N; i++) mass[i] = 1 + i % 3, k[i] = 1e4, ij[2 * i] = i, ij[2 * i + 1] = i + 1;
+  for (int small = 0; small < 2; small++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, N, x, NULL, mass, err));
+    assert_ok(msim_scene_add_springs(scene, N - 1, ij, k, rest, NULL, err));
+    assert_ok(msim_scene_pin(scene, 1, &pin, err));
+    if (small) g[2] = 0x1p-80;
+    assert_ok(msim_scene_set_gravity(scene, g, err));
+    const msim_options opt = two_level_in(MSIM_PRECISION_SINGLE);
+    sims[small] = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sims[small], 20, err));
+    msim_scene_destroy(scene);
+  }
+  const msim_state large = state_of(sims[0]), small = state_of(sims[1]);
+  assert_true(large.x[3 * N - 1] > 0.05);
+  for (int i = 0; i < 3 * N; i++) assert_true(small.x[i] == 0x1p-80 * large.x[i]);
+  for (int i = 0; i < 2; i++) msim_sim_destroy(sims[i]);
+}
+
+/*------------------------------------- bits -----------------------------------------------------*/
+
+static void threads_change_no_bit(void **state) {
+  (void)state;
+  for (int s = 0; s < SCENES; s++) {
+    msim_scene *scene = scene_of(s);
+    msim_options opt = two_level_in(MSIM_PRECISION_SINGLE);
+    msim_sim *sims[2];
+    for (int i = 0; i < 2; i++) {
+      opt.threads = i + 1;
+      sims[i] = make_two_level_sim(scene, &opt, SIZE);
+      assert_ok(msim_sim_step(sims[i], 8, err));
+    }
+    expect_same(sims[0], sims[1], "threads");
+    for (int i = 0; i < 2; i++) msim_sim_destroy(sims[i]);
+    msim_scene_destroy(scene);
+  }
+}
+
+static void runs_resume_to_the_bit(void **state) {
+  (void)state;
+  static const int64_t at[] = {1, 5};
+  for (int s = 0; s < SCENES; s++) {
+    msim_scene *scene = scene_of(s);
+    const msim_options opt = two_level_in(MSIM_PRECISION_SINGLE);
+    expect_resumable(scene, &opt, 9, 2, at, "single");
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Any solver of the systems, which have doubles, makes the steps that pcg makes. */
+static void any_solver_serves(void **state) {
+  (void)state;
+  static const char *const solvers[] = {"pcg", "cholmod", "klu"};
+  msim_scene *scene = hanging_cloth(12, 1e3, 0.01);
+  double x[3 * 144];
+  for (int i = 0; i < 3; i++) {
+    msim_options opt = two_level_in(MSIM_PRECISION_SINGLE);
+    opt.solver = solvers[i];
+    opt.solver_rtol = 1e-10;
+    if (!is_solver_available(solvers[i])) continue;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 30, err));
+    for (int k = 0; k < 3 * 144 && i > 0; k++) assert_close(state_of(sim).x[k], x[k], 1e-6);
+    memcpy(x, state_of(sim).x, sizeof x);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(every_tolerance_is_met), cmocka_unit_test(motion_may_be_small),
+      cmocka_unit_test(threads_change_no_bit), cmocka_unit_test(runs_resume_to_the_bit),
+      cmocka_unit_test(any_solver_serves)};
+  return cmocka_run_group_tests_name("single_pcg", tests, NULL, NULL);
+}
