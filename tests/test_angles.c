@@ -466,7 +466,7 @@ static void nonlinearity_is_accurate(void **state) {
     const double next = ms_angle_springs_nonlinearity(&m, moved, w.v, small);
     double turned = 0;
     ms_model angles = m; /* of the angles alone */
-    memset(m.half_edges.k, 0, 8 * (size_t)m.half_edges.nentries * sizeof(double));
+    memset(m.half_edges.k, 0, m.half_edges.nvalues * sizeof(double));
     ms_force_compute(&angles, moved, NULL, w.f), ms_force_compute(&angles, w.x, NULL, w.y);
     for (int32_t r = 0; r < m.unknowns.nfree; r++)
       for (int32_t c = 0; c < 3; c++) {

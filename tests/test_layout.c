@@ -58,10 +58,11 @@ static int32_t check_entries(const layout *l) {
     assert_in_range(h->first_part[h->part_row[p]], 0, p);
   }
   for (int32_t at = 0; at < MS_SLICE * h->nentries; at++) {
-    const int32_t start = h->start[at / MS_SLICE];
+    const int32_t start = h->entry[at / MS_SLICE].start;
     assert_in_range(h->neighbour[at], 0, l->rows.stride - 1);
     if (start >= 0) assert_int_equal(h->neighbour[at], start + at % MS_SLICE);
-    if (h->spring[at] < 0) assert_true(h->k[at] == 0 && h->damping[at] == 0);
+    const size_t value = ms_half_edges_value(h, at);
+    if (h->spring[at] < 0) assert_true(h->k[value] == 0 && h->damping[value] == 0);
     count += h->spring[at] >= 0;
   }
   return count;
@@ -132,7 +133,7 @@ static void every_half_edge_occurs_once(void **state) {
 
 static double share_of_consecutive(const layout *l) {
   int32_t runs = 0;
-  for (int32_t s = 0; s < l->half_edges.nentries; s++) runs += l->half_edges.start[s] >= 0;
+  for (int32_t s = 0; s < l->half_edges.nentries; s++) runs += l->half_edges.entry[s].start >= 0;
   return (double)runs / l->half_edges.nentries;
 }
 

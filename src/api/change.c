@@ -67,7 +67,8 @@ static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, cons
 static msim_status replace_spring_values(msim_sim *sim, const double *k, const double *rest,
                                          const double *damping, msim_error *err) {
   msim_scene handle = {.data = sim->scene};
-  ms_scene *scene = ms_scene_make_writable(&handle, err);
+  const msim_status status = ms_sim_reserve_springs(sim, err);
+  ms_scene *scene = status ? NULL : ms_scene_make_writable(&handle, err);
   if (!scene) return MSIM_ERR_MEMORY;
   const size_t bytes = (size_t)scene->nsprings * sizeof(double);
   if (k) memcpy(scene->k, k, bytes);

@@ -127,6 +127,7 @@ static msim_status read_islands(msim_sim *sim, ms_archive *b, const ms_saved_run
   msim_status status = ms_sim_create_islands(sim, r->left_out, err);
   sim->scene->hides_broken = 0;
   sim->run.h = r->run.h, sim->scene = scene;
+  if (!status && there) status = ms_sim_reserve_springs(sim, err);
   if (status) return status;
   if (there || scene->broken) ms_sim_replace_scene(sim, scene);
   ms_sim_start_islands(sim, &start);

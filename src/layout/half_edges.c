@@ -1,7 +1,7 @@
 #include "layout/half_edges.h"
 
 #include "base/vector.h"
-#include "scene/laws.h"
+#include "layout/spring_values.h"
 
 /*------------------------------------- split rows -----------------------------------------------*/
 
@@ -139,9 +139,9 @@ static int32_t find_run_start(const ms_unknowns *rows, const ms_half_edge *const
 /* Padding refers to an existing row: the one that continues the run, or else `row`. */
 static void write_lanes(const ms_unknowns *rows, int32_t row,
                         const ms_half_edge *const entry[MS_SLICE], int32_t s, ms_half_edges *out) {
-  out->start[s] = find_run_start(rows, entry);
+  out->entry[s].start = find_run_start(rows, entry);
   for (int32_t lane = 0; lane < MS_SLICE; lane++) {
-    const int32_t any = out->start[s] >= 0 ? out->start[s] + lane : row;
+    const int32_t any = out->entry[s].start >= 0 ? out->entry[s].start + lane : row;
     out->neighbour[MS_SLICE * s + lane] = entry[lane] ? entry[lane]->neighbour : any;
     out->spring[MS_SLICE * s + lane] = entry[lane] ? entry[lane]->spring : -1;
   }
@@ -215,27 +215,13 @@ static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
                                 const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   const size_t entries = (size_t)out->nentries, lanes = MS_SLICE * entries;
-  if (!MS_NEW(alloc, out->start, entries) || !MS_NEW(alloc, out->neighbour, lanes) ||
-      !MS_NEW(alloc, out->spring, lanes) || !MS_NEW(alloc, out->k, lanes) ||
-      !MS_NEW(alloc, out->rest, lanes) || !MS_NEW(alloc, out->damping, lanes))
+  if (!MS_NEW(alloc, out->entry, entries) || !MS_NEW(alloc, out->neighbour, lanes) ||
+      !MS_NEW(alloc, out->spring, lanes))
     return ms_error_set_memory(err, "the half-edges of the springs");
   for (int32_t g = 0; g < out->nslices; g++) fill_slice(a, rows, g, out);
   for (int32_t r = 0; r < rows->nfree; r++)
     if (out->first_part[r] >= 0) fill_split_row(a, rows, r, out);
   return MSIM_OK;
-}
-
-void ms_half_edges_update_springs(const ms_scene *scene, const ms_springs *springs,
-                                  ms_half_edges *half_edges) {
-  for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++) {
-    if (half_edges->spring[at] < 0) continue;
-    const int32_t e = springs->spring[half_edges->spring[at]];
-    const double k = ms_scene_stiffness(scene, e);
-    half_edges->stiffness[at] = k;
-    half_edges->k[at] = ms_scene_law(scene, e) ? 0 : k;
-    half_edges->rest[at] = scene->rest[e];
-    half_edges->damping[at] = ms_scene_damping(scene, e);
-  }
 }
 
 msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
@@ -244,20 +230,13 @@ msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
   *half_edges = (ms_half_edges){.nslices = rows->first_pinned / MS_SLICE};
   msim_status status = make_slice_ranges(scene, rows, a, half_edges, err);
   if (!status) status = make_entries(scene, rows, a, half_edges, err);
-  if (status) return status;
-  half_edges->stiffness = half_edges->k;
-  if (scene->law &&
-      !MS_NEW(&scene->alloc, half_edges->stiffness, MS_SLICE * (size_t)half_edges->nentries))
-    return ms_error_set_memory(err, "the half-edges of the springs");
-  ms_half_edges_update_springs(scene, springs, half_edges);
-  return MSIM_OK;
+  return status ? status : ms_spring_values_create(scene, springs, half_edges, err);
 }
 
 void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges) {
-  if (half_edges->stiffness != half_edges->k) ms_memory_free(&scene->alloc, half_edges->stiffness);
+  ms_spring_values_destroy(scene, half_edges);
   MS_FREE(&scene->alloc, half_edges->first, half_edges->first_part, half_edges->part_row,
-          half_edges->part_sums, half_edges->start, half_edges->neighbour, half_edges->spring,
-          half_edges->k, half_edges->rest, half_edges->damping);
+          half_edges->part_sums, half_edges->entry, half_edges->neighbour, half_edges->spring);
   *half_edges = (ms_half_edges){0};
 }
 

@@ -20,6 +20,11 @@
 /* Entries of a part of a split row; the cost of its 8 sums is negligible beside so many. */
 enum { MS_PART_ENTRIES = 256 };
 
+typedef struct ms_half_edge_entry {
+  int32_t start; /* the neighbour of lane l is row start + l; -1: see ms_half_edges.neighbour */
+  int32_t value; /* the index of lane 0 in k, rest, damping and stiffness (spring_values.h) */
+} ms_half_edge_entry;
+
 typedef struct ms_half_edges {
   int32_t nslices;     /* slices of unknowns: first_pinned / 8 */
   int32_t nparts;      /* of split rows */
@@ -28,11 +33,12 @@ typedef struct ms_half_edges {
   int32_t *first_part; /* first_pinned: the first part of a split row; -1: the row is not split */
   int32_t *part_row;   /* nparts: the row of each part */
   double *part_sums;   /* 6 x 8 nparts: up to 6 sums per lane, component by component; scratch */
-  int32_t *start;      /* nentries: the neighbour of lane l is row start + l; -1: see neighbour */
-  int32_t *neighbour;  /* 8 nentries: the row at the other end; padding: any row */
-  int32_t *spring;     /* 8 nentries: index in ms_springs; padding: -1 */
-  double *k, *rest, *damping; /* 8 nentries; padding: 0; k: 0 of springs with a law */
-  double *stiffness;          /* 8 nentries: as k, but |df/de| at most of springs with a law */
+  ms_half_edge_entry *entry;  /* nentries */
+  int32_t *neighbour;         /* 8 nentries: the row at the other end; padding: any row */
+  int32_t *spring;            /* 8 nentries: index in ms_springs; padding: -1 */
+  double *k, *rest, *damping; /* nvalues; padding: 0; k: 0 of springs with a law */
+  double *stiffness;          /* nvalues: as k, but |df/de| at most of springs with a law */
+  size_t nvalues, room;       /* of these arrays: in use; in memory */
 } ms_half_edges;
 
 msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
@@ -42,9 +48,6 @@ msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
 /* Sets first_part to 0 for rows that are split, else -1, and counts their parts; nslices is set. */
 void ms_half_edges_find_split_rows(const ms_adjacency *a, int32_t nfree, ms_half_edges *out);
 
-/* Copy k, rest and damping from the scene again. */
-void ms_half_edges_update_springs(const ms_scene *scene, const ms_springs *springs,
-                                  ms_half_edges *half_edges);
 void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges);
 
 /* Add the sums that the kernels left in part_sums to the split rows of a vector, part by part. */
@@ -65,6 +68,11 @@ static inline ms_half_edge_span ms_half_edges_of_row(const ms_half_edges *h, int
   while (last < h->nparts && h->part_row[last] == row) last++;
   return (ms_half_edge_span){MS_SLICE * h->first[h->nslices + part],
                              MS_SLICE * h->first[h->nslices + last], 1};
+}
+
+/* The index of a half-edge in k, rest, damping and stiffness */
+static inline size_t ms_half_edges_value(const ms_half_edges *h, int32_t half_edge) {
+  return (size_t)h->entry[half_edge / MS_SLICE].value + (size_t)(half_edge % MS_SLICE);
 }
 
 static inline int32_t ms_half_edges_count_ranges(const ms_half_edges *h) {

@@ -31,7 +31,8 @@ static void add_springs(cluster_job *j, int32_t r, int32_t n) {
     const int32_t neighbour = half_edges->neighbour[at];
     const int32_t other = ms_aggregates_find(j->model, j->a, neighbour);
     if (half_edges->spring[at] < 0 || other < 0 || j->of[other] != j->of[k]) continue;
-    const double stiffness = half_edges->stiffness[at] / j->largest;
+    const double stiffness =
+        half_edges->stiffness[ms_half_edges_value(half_edges, at)] / j->largest;
     add_outer(j->w.u, n, row, row, stiffness, own, own);
     if (j->local[other] >= j->local[k])
       add_outer(j->w.u, n, row, MS_MODES * j->local[other], -stiffness, own,
@@ -66,7 +67,7 @@ static void store(const cluster_job *j, const int32_t *aggregates, int32_t count
 
 static double find_largest_stiffness(const ms_half_edges *half_edges) {
   double largest = 0;
-  for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++)
+  for (size_t at = 0; at < half_edges->nvalues; at++)
     largest = fmax(largest, half_edges->stiffness[at]);
   return largest > 0 ? largest : 1;
 }

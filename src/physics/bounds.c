@@ -184,12 +184,13 @@ msim_status ms_bounds_compute(const ms_scene *scene, int tight, ms_bounds *bound
   return MSIM_OK;
 }
 
-/* The sum over a row's half-edges of e w */
+/* The sum over a row's half-edges of e w, w one of their values */
 static double sum_row(const ms_model *model, const double *weight, int32_t row) {
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step)
-    sum += (model->half_edges.neighbour[at] < model->unknowns.first_fixed ? 2 : 1) * weight[at];
+    sum += (model->half_edges.neighbour[at] < model->unknowns.first_fixed ? 2 : 1) *
+           weight[ms_half_edges_value(&model->half_edges, at)];
   return sum;
 }
 

@@ -39,7 +39,7 @@ void ms_coefficients_destroy(const ms_model *model, ms_coefficients *a) {
 static void compute_scalar(const ms_model *model, double h, ms_coefficients *a) {
   const ms_half_edges *half_edges = &model->half_edges;
   for (int32_t at = 0; at < MS_SLICE * half_edges->nentries; at++)
-    a->t[at] = h * h * half_edges->k[at];
+    a->t[at] = h * h * half_edges->k[ms_half_edges_value(half_edges, at)];
   for (int32_t r = 0; r < model->unknowns.first_pinned; r++) {
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
     a->diagonal[r] = model->mass[r] + a->drag;

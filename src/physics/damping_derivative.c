@@ -17,13 +17,14 @@ static double dot_dims(int32_t dims, const double a[3], const double b[3]) {
 int ms_damping_derivative_block(const ms_model *model, const ms_damping_derivative *t, int32_t i,
                                 int32_t half, double block[3][3]) {
   const int32_t dims = model->unknowns.dims, j = model->half_edges.neighbour[half];
+  const double damping = model->half_edges.damping[ms_half_edges_value(&model->half_edges, half)];
   double d[3], w[3];
-  if (model->half_edges.damping[half] == 0) return 0;
+  if (damping == 0) return 0;
   subtract_rows(model, t->x, i, j, d);
   subtract_rows(model, t->v, i, j, w);
   const double l2 = dot_dims(dims, d, d);
   if (l2 <= MS_MIN_LENGTH2) return 0;
-  const double by = t->h * t->h * model->half_edges.damping[half] / l2, rate = dot_dims(dims, d, w);
+  const double by = t->h * t->h * damping / l2, rate = dot_dims(dims, d, w);
   for (int32_t r = 0; r < dims; r++) {
     for (int32_t c = 0; c < dims; c++) block[r][c] = by * d[r] * (w[c] - 2 * rate / l2 * d[c]);
     block[r][r] += by * rate;

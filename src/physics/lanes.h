@@ -52,7 +52,7 @@ MS_INLINE ms_lanes ms_dot_vec(int dims, ms_lane_vectors a, ms_lane_vectors b) {
 MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *half_edges,
                                              int32_t entry, size_t lane, const ms_real *x,
                                              size_t stride) {
-  const int32_t start = half_edges->start[entry];
+  const int32_t start = half_edges->entry[entry].start;
   if (start >= 0) return ms_load_vec(dims, x + (size_t)start + lane, stride);
   const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;
   ms_lane_vectors v = {{{0}}};
@@ -65,7 +65,7 @@ MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *half
 MS_INLINE ms_lane_vectors ms_subtract_neighbours(int dims, const ms_half_edges *half_edges,
                                                  int32_t entry, size_t lane, const ms_real *x,
                                                  size_t stride, ms_lane_vectors own) {
-  const int32_t start = half_edges->start[entry];
+  const int32_t start = half_edges->entry[entry].start;
   if (start >= 0)
     return ms_subtract_vec(dims, own, ms_load_vec(dims, x + (size_t)start + lane, stride));
   const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;

@@ -22,15 +22,16 @@ MS_INLINE ms_lanes inverse_length(int dims, ms_lane_vectors d) {
 
 /* t and g of force.h */
 MS_INLINE void half_edge_coefficients(int damped, const ms_coefficients_job *j, ms_lanes inverse,
-                                      size_t at, ms_lanes *t, ms_lanes *g) {
+                                      int32_t entry, size_t lane, ms_lanes *t, ms_lanes *g) {
   const ms_half_edges *half_edges = &j->model->half_edges;
+  const size_t value = (size_t)half_edges->entry[entry].value + lane;
   const double h = j->h;
   const ms_lanes largest = (ms_lanes){0} + (j->clamp ? 1 : INFINITY);
-  const ms_lanes hhk = h * h * ms_simd_load(half_edges->k + at);
-  const ms_lanes full = ms_simd_load(half_edges->rest + at) * inverse;
+  const ms_lanes hhk = h * h * ms_simd_load(half_edges->k + value);
+  const ms_lanes full = ms_simd_load(half_edges->rest + value) * inverse;
   const ms_lanes ratio = ms_simd_select(full > largest, largest, full);
   ms_lanes gl2 = MS_SPRING_STIFFNESS_DIFFERENCE(hhk, ratio);
-  if (damped) gl2 += h * ms_simd_load(half_edges->damping + at);
+  if (damped) gl2 += h * ms_simd_load(half_edges->damping + value);
   *t = MS_SPRING_STIFFNESS_ACROSS(hhk, ratio);
   *g = gl2 * inverse * inverse;
 }
@@ -82,7 +83,7 @@ MS_INLINE void compute_coefficients_of(int dims, int damped, const ms_coefficien
           const ms_lane_vectors xj = ms_load_neighbours(dims, half_edges, entry, lane, x, stride);
           const ms_lane_vectors d = ms_subtract_vec(dims, xj, xi);
           ms_lanes t, g;
-          half_edge_coefficients(damped, &job, inverse[entry - first], at, &t, &g);
+          half_edge_coefficients(damped, &job, inverse[entry - first], entry, lane, &t, &g);
           ms_simd_store(to_t + at, t);
           ms_simd_store(to_g + at, g);
           add_diagonal_block(dims, t, g, d, sum);
@@ -182,7 +183,7 @@ static void multiply_scalar_matrix(const ms_product_job *j, int32_t begin, int32
 /* One register of half-edges. With e = x_j - x_i, l = |e|, q = lambda h (d_j - d_i), a = q.e/l and
  * |e + q| = l + a + more, a spring contributes
  * E(l + a + more) - E(l) - f(l) a. */
-MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *half_edges, size_t at,
+MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *half_edges, size_t value,
                                           ms_lane_vectors e, ms_lane_vectors q) {
   const ms_lanes zero = {0}, inverse = inverse_length(dims, e);
   const ms_lanes l = inverse * ms_dot_vec(dims, e, e), a = inverse * ms_dot_vec(dims, e, q);
@@ -192,7 +193,8 @@ MS_INLINE ms_lanes half_edge_nonlinearity(int dims, const ms_half_edges *half_ed
   const ms_mask ahead = sum > zero;
   const ms_lanes more =
       ms_simd_select(ahead, p2 / ms_simd_select(ahead, next + sum, zero + 1), next - sum);
-  const ms_lanes k = ms_simd_load(half_edges->k + at), rest = ms_simd_load(half_edges->rest + at);
+  const ms_lanes k = ms_simd_load(half_edges->k + value),
+                 rest = ms_simd_load(half_edges->rest + value);
   return MS_SPRING_ENERGY_BEYOND(k, rest, l, a, more);
 }
 
@@ -220,7 +222,9 @@ MS_INLINE double sum_nonlinearity_of(int dims, const ms_nonlinearity_job *j, int
           share[i] = half_edges->neighbour[at + i] < model->unknowns.first_fixed ? 0.5 : 1;
         sum = ms_simd_fma(
             ms_simd_load(share),
-            half_edge_nonlinearity(dims, half_edges, at, ms_subtract_vec(dims, xj, xi), q), sum);
+            half_edge_nonlinearity(dims, half_edges, (size_t)half_edges->entry[entry].value + lane,
+                                   ms_subtract_vec(dims, xj, xi), q),
+            sum);
       }
       ms_simd_store(sums + lane, sum);
     }

@@ -5,6 +5,7 @@
 #include "base/isa.h"
 #include "base/vec3.h"
 #include "layout/planar.h"
+#include "layout/spring_values.h"
 #include "physics/external_force.h"
 #include "physics/force_function.h"
 #include "physics/law_springs.h"
@@ -172,7 +173,7 @@ void ms_model_keep_springs_only(ms_model *model) {
 }
 
 void ms_model_update_springs(ms_model *model, unsigned skip_off) {
-  ms_half_edges_update_springs(model->scene, &model->springs, &model->half_edges);
+  ms_spring_values_update(model->scene, &model->springs, &model->half_edges);
   if (model->laws) ms_law_springs_update(model);
   ms_single_update_springs(model);
   model->features = find_features(model->scene, &model->springs, &model->angles) | skip_off;

@@ -83,8 +83,9 @@ static double elastic_energy(const ms_model *model, int32_t at, double l) {
   const int32_t e = h->spring[at];
   if (ms_scene_law(model->scene, model->springs.spring[e]))
     return fabs(ms_law_value_of(model->scene, model->springs.spring[e], l).energy);
-  const double stretch = l - h->rest[at];
-  return h->k[at] * stretch * stretch / 2;
+  const size_t value = ms_half_edges_value(h, at);
+  const double stretch = l - h->rest[value];
+  return h->k[value] * stretch * stretch / 2;
 }
 
 /* |v|^2 of row r if it gets a third of the energy of each of its angular springs */

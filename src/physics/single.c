@@ -40,12 +40,12 @@ static void narrow(size_t n, const double *from, float *to) {
 
 void ms_single_update_springs(ms_model *model) {
   const ms_half_edges *h = &model->half_edges;
-  const size_t lanes = MS_SLICE * (size_t)h->nentries;
   if (!model->single) return;
-  narrow(lanes, h->k, model->single->k);
-  for (size_t i = 0; i < lanes; i++) {
-    model->single->half_k_rest[i] = (float)(h->k[i] * h->rest[i] / 2);
-    model->single->quarter_damping[i] = (float)(h->damping[i] / 4);
+  for (int32_t i = 0; i < MS_SLICE * h->nentries; i++) {
+    const size_t value = ms_half_edges_value(h, i);
+    model->single->k[i] = (float)h->k[value];
+    model->single->half_k_rest[i] = (float)(h->k[value] * h->rest[value] / 2);
+    model->single->quarter_damping[i] = (float)(h->damping[value] / 4);
   }
 }
 

@@ -42,7 +42,7 @@ MS_INLINE ms_mask contributing_lanes(const ms_half_edges *half_edges, int32_t en
 /* All neighbours are earlier rows: no lane contributes. */
 MS_INLINE int has_earlier_neighbours(const ms_half_edges *half_edges, int32_t entry,
                                      ms_slice_range p) {
-  const int32_t start = half_edges->start[entry];
+  const int32_t start = half_edges->entry[entry].start;
   return start >= 0 && !p.is_split && (size_t)start < p.row;
 }
 
@@ -56,13 +56,13 @@ MS_INLINE ms_lanes sum_elastic(int dims, const ms_model *m, int32_t range, ms_sl
   ms_lanes sum = zero;
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
     if (has_earlier_neighbours(half_edges, entry, p)) continue;
-    const size_t at = MS_SLICE * (size_t)entry + lane;
+    const size_t value = (size_t)half_edges->entry[entry].value + lane;
     const ms_mask mine = contributing_lanes(half_edges, entry, p, lane);
     const ms_lane_vectors d =
         ms_subtract_vec(dims, ms_load_neighbours(dims, half_edges, entry, lane, x, stride), xi);
     const ms_lanes l = ms_simd_sqrt(ms_dot_vec(dims, d, d));
-    const ms_lanes k = ms_simd_select(mine, ms_simd_load(half_edges->k + at), zero);
-    sum += MS_SPRING_ENERGY(k, ms_simd_load(half_edges->rest + at), l);
+    const ms_lanes k = ms_simd_select(mine, ms_simd_load(half_edges->k + value), zero);
+    sum += MS_SPRING_ENERGY(k, ms_simd_load(half_edges->rest + value), l);
   }
   return sum;
 }

@@ -116,8 +116,9 @@ static void find_stiffest_spring(const ms_model *model, int32_t row, fastest *f)
   const ms_half_edge_span span = ms_half_edges_of_row(h, row);
   f->k = -1;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    if (h->spring[at] < 0 || h->stiffness[at] <= f->k) continue;
-    f->k = h->stiffness[at], f->spring = model->springs.spring[h->spring[at]];
+    const double k = h->stiffness[ms_half_edges_value(h, at)];
+    if (h->spring[at] < 0 || k <= f->k) continue;
+    f->k = k, f->spring = model->springs.spring[h->spring[at]];
   }
 }
 

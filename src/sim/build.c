@@ -3,6 +3,7 @@
 #include "contact/implicit_contact.h"
 #include "integrate/multirate.h"
 #include "layout/rank_order.h"
+#include "layout/spring_values.h"
 #include "physics/law_springs.h"
 #include "physics/rank_model.h"
 #include "physics/single.h"
@@ -251,6 +252,15 @@ void ms_sim_set_created_scene(msim_sim *sim, ms_scene *before) {
 void ms_sim_set_edited_from(msim_sim *sim, ms_scene *before) {
   ms_scene_release(sim->edited_from);
   sim->edited_from = before;
+}
+
+msim_status ms_sim_reserve_springs(msim_sim *sim, msim_error *err) {
+  msim_status status = MSIM_OK;
+  for (int32_t i = 0; i < sim->nislands && !status; i++) {
+    ms_model *m = &sim->islands[i].model;
+    status = ms_spring_values_reserve(sim->scene, &m->springs, &m->half_edges, err);
+  }
+  return status;
 }
 
 void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {

@@ -133,7 +133,12 @@ void ms_sim_restore_islands(msim_sim *sim, const ms_island_sims *old);
  * caller's reference to it; NULL: for the springs of the sim's scene. */
 void ms_sim_set_solver_scene(msim_sim *sim, ms_scene *scene);
 
-/* Replace the sim's scene, and update the springs of all models; no reference count changes. */
+/* Make room in all models for springs of any values. */
+msim_status ms_sim_reserve_springs(msim_sim *sim, msim_error *err);
+
+/* Replace the sim's scene, and update the springs of all models; no reference count changes. To be
+ * called after ms_sim_reserve_springs() if springs have other values than at creation, unless these
+ * are those of springs that have broken. */
 void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene);
 
 /* Replace the sim's scene by one with other gravity, drag or constant forces, and update all
