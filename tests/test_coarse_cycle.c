@@ -5,6 +5,7 @@
 #include <float.h>
 #include <stdlib.h>
 
+#include "checkpoints.h"
 #include "scene_check.h"
 #include "two_level.h"
 
@@ -357,13 +358,14 @@ static void large_systems_get_a_cycle(void **state) {
   }
 }
 
-/* The same bits with any number of threads, and from a checkpoint in the middle on */
+/* The same bits with any number of threads, in a clone and from a checkpoint in the middle on */
 static void bits_are_the_same(void **state) {
   (void)state;
-  static const int32_t threads[] = {1, 2, 5};
-  double *x[3];
+  enum { RUNS = 4 };
+  static const int32_t threads[RUNS] = {1, 2, 5, 2};
+  double *x[RUNS];
   size_t length = 0;
-  for (int i = 0; i < 3; i++) {
+  for (int i = 0; i < RUNS; i++) {
     msim_options opt = two_level_options();
     msim_scene *scene = hanging_cloth(250, 1000, 0.01);
     opt.threads = threads[i];
@@ -374,6 +376,11 @@ static void bits_are_the_same(void **state) {
       assert_ok(msim_sim_clone(sim, &resumed, err));
       msim_sim_destroy(sim);
       sim = resumed;
+    } else if (i == 3) {
+      checkpoint c = save(sim);
+      msim_sim_destroy(sim);
+      sim = resume(scene, &opt, &c);
+      free(c.bytes);
     }
     assert_ok(msim_sim_step(sim, 2, err));
     msim_state s = {.size = sizeof s};
@@ -385,7 +392,7 @@ static void bits_are_the_same(void **state) {
     msim_scene_destroy(scene);
     assert_memory_equal(x[0], x[i], length);
   }
-  for (int i = 0; i < 3; i++) free(x[i]);
+  for (int i = 0; i < RUNS; i++) free(x[i]);
 }
 
 static void memory_that_ends_is_reported(void **state) {

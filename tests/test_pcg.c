@@ -6,6 +6,7 @@
 
 #include "linear/jacobi.h"
 #include "linear/iteration_estimate.h"
+#include "linear/residual.h"
 #include "scene_check.h"
 #include "two_level.h"
 
@@ -383,6 +384,30 @@ static void memory_that_ends_is_reported(void **state) {
   assert_true(allowed > 60);
 }
 
+/* The solver checks solutions in vectors of the iterations, which hold anything before. */
+static void work_vectors_may_be_shared(void **state) {
+  (void)state;
+  const msim_options opt = two_level_options();
+  msim_scene *scene = hanging_cloth(20, 1000, 0.01);
+  msim_sim *sim = make_two_level_sim(scene, &opt, SIZE);
+  assert_ok(msim_sim_step(sim, 3, err));
+  const ms_solver *s = sim->islands->stepper.solver;
+  const ms_model *m = s->system.model;
+  const double *b = s->system.a.x, *y = sim->islands->stepper.v;
+  double *work1 = ms_unknowns_new_vector(m->scene, &m->unknowns),
+         *work2 = ms_unknowns_new_vector(m->scene, &m->unknowns);
+  const double level = ms_residual_compute_rounding_level(&s->system, b, y, work1, work2),
+               residual = ms_residual_compute(&s->system, b, y, work1);
+  assert_true(level > 0 && residual > 0);
+  assert_true(ms_residual_compute(&s->system, b, y, s->residual) == residual);
+  assert_true(ms_residual_compute_rounding_level(&s->system, b, y, s->magnitude, s->correction) ==
+              level);
+  assert_memory_equal(s->residual, work1, (size_t)m->unknowns.nfree * sizeof *work1);
+  MS_FREE(&m->scene->alloc, work1, work2);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(the_coarse_space_spares_iterations),
                                      cmocka_unit_test(iterations_are_predicted),
@@ -395,6 +420,7 @@ int main(void) {
                                      cmocka_unit_test(a_coarse_factor_is_reused_while_it_helps),
                                      cmocka_unit_test(a_change_discards_the_coarse_factor),
                                      cmocka_unit_test(instruction_sets_agree),
+                                     cmocka_unit_test(work_vectors_may_be_shared),
                                      cmocka_unit_test(memory_that_ends_is_reported)};
   return cmocka_run_group_tests_name("pcg", tests, NULL, NULL);
 }
