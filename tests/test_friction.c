@@ -71,6 +71,23 @@ static void parts_add_up(void **state) {
   }
 }
 
+/* F near |a|, v nearly against a: F |v| + a.v grows at the rate A^2 - F^2 until it is 0, through
+ * the turn and long after it. */
+static void critical_friction_turns(void **state) {
+  (void)state;
+  const double a[3] = {1, 0, 0};
+  for (int i = 0; i < 24; i++) {
+    const double narrow = pow(10, -1 - i / 3.), F = 1 + (i % 3 - 1) * 1e-13;
+    for (double t = 1; t < 1e5; t *= 10) {
+      double v[3] = {-1, narrow, 0}, dx[3];
+      const double before = F * ms_vec3_norm(v) + v[0], slope = (1 - F) * (1 + F);
+      ms_friction_slide(a, F, t, v, dx);
+      assert_close(F * ms_vec3_norm(v) + v[0], fmax(0, before + slope * t), 1e-12);
+      assert_true(ms_vec3_norm(v) <= 1 + narrow);
+    }
+  }
+}
+
 static void stops_at_its_time_and_stays(void **state) {
   (void)state;
   const double a[3] = {0.6, 0.8, 0}, F = 1.5, v[3] = {2, -1, 0};
@@ -110,6 +127,7 @@ static void on_a_line(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(sliding_solves_its_equation), cmocka_unit_test(parts_add_up),
-      cmocka_unit_test(stops_at_its_time_and_stays), cmocka_unit_test(on_a_line)};
+      cmocka_unit_test(critical_friction_turns), cmocka_unit_test(stops_at_its_time_and_stays),
+      cmocka_unit_test(on_a_line)};
   return cmocka_run_group_tests_name("friction", tests, NULL, NULL);
 }

@@ -39,33 +39,39 @@ static void slide_straight(const double a[3], double F, double t, double v[3], d
   advance_uniformly(b, left, v, dx);
 }
 
-/* u0^-p times the integral of u^(p-1) from u0 e^d to u0 */
-static double power_integral(double p, double d) {
-  return fabs(p) > 1e-12 ? -expm1(p * d) / p : -d;
+/* u0^-p times the integral of u^(p-1) from u0 e^d to u0; *rate: e^(p d), its negative derivative */
+static double power_integral(double p, double d, double *rate) {
+  const double less = expm1(p * d);
+  *rate = 1 + less;
+  return p != 0 ? -less / p : -d;
 }
 
 /* d with power_integral(p, d) = value; -INFINITY: there is none */
 static double invert_power_integral(double p, double value) {
-  if (fabs(p) <= 1e-12) return -value;
+  if (p == 0) return -value;
   return p * value < 1 ? log1p(-p * value) / p : -INFINITY;
 }
 
 /* d = ln(u/u0) <= 0 after the time t: power_integral(k - 1, d) + E power_integral(k + 1, d) = t A
- * (1 + E)/|v| =: time with E = u0^2. Newton's method between bounds; each term alone gives a lower
- * bound. */
+ * (1 + E)/|v| =: time with E = u0^2. Newton's method between bounds, from the root of the terms of
+ * the second order in d; each term alone gives a lower bound. A change e of d leaves an error of
+ * (k + 1) e^2/2 at most. */
 static double find_log_tangent(double k, double E, double time) {
   enum { MOST = 100 };
+  const double SMALL = 1e-8, s = time / (1 + E), bend = (k - 1 + E * (k + 1)) / (1 + E);
   double high = 0,
          low = fmax(invert_power_integral(k - 1, time), invert_power_integral(k + 1, time / E));
-  double d = low = fmax(low, -700 / fabs(k - 1)); /* so that exp((k - 1) d) does not overflow */
+  low = fmax(low, -700 / fabs(k - 1)); /* so that exp((k - 1) d) does not overflow */
+  double d = fmax(low, fmin(0, -s - 0.5 * bend * s * s));
   for (int i = 0; i < MOST; i++) {
-    const double off = power_integral(k - 1, d) + E * power_integral(k + 1, d) - time;
+    double rate[2];
+    const double off =
+        power_integral(k - 1, d, &rate[0]) + E * power_integral(k + 1, d, &rate[1]) - time;
     if (off > 0) low = d;
     else high = d;
-    double next = d + off / (exp((k - 1) * d) + E * exp((k + 1) * d));
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    if (fabs(next - d) <= DBL_EPSILON * fmax(1, fabs(d))) return next;
-    d = next;
+    const double change = off / (rate[0] + E * rate[1]);
+    if (fabs(change) <= SMALL * fabs(d) && fabs(change) * (k + 1) <= SMALL) return d + change;
+    d = d + change > low && d + change < high ? d + change : 0.5 * (low + high);
   }
   return d;
 }
@@ -76,23 +82,38 @@ typedef struct components {
   double side[3];
 } components;
 
-/* v and a are not parallel. */
+/* The end of a path that is not straight: d = ln(u/u0); q: |v|/(1 + u0^2) at its start */
+typedef struct curve {
+  double k, u0, q, d;
+} curve;
+
+/* dx += the displacement */
+static void add_curved_way(const double a[3], const components *of, const curve *on, double dx[3]) {
+  const double k = on->k, u0 = on->u0, q = on->q, d = on->d, E = u0 * u0;
+  double unused;
+  const double x = q * q / of->A *
+                   (power_integral(2 * k - 2, d, &unused) -
+                    E * E * power_integral(2 * k + 2, d, &unused)),
+               y = 2 * q * q * u0 / of->A *
+                   (power_integral(2 * k - 1, d, &unused) +
+                    E * power_integral(2 * k + 1, d, &unused));
+  for (int c = 0; c < 3; c++) dx[c] += x / of->A * a[c] + y / of->across * of->side[c];
+}
+
+/* v and a are not parallel. dx is nullable. */
 static void slide_curved(const double a[3], double F, double t, const components *of, double v[3],
-                         double dx[3]) {
-  const double A = of->A, along = of->along, across = of->across, *side = of->side;
-  const double speed = ms_vec3_norm(v), k = F / A;
-  const double u0 = along > 0 ? across / (speed + along) : (speed - along) / across, E = u0 * u0;
-  const double stop = ms_friction_stop(a, F, v), q = speed / (1 + E);
-  const double d = t < stop ? find_log_tangent(k, E, t * A / q) : -INFINITY;
-  const double u = u0 * exp(d), size = t < stop ? q * exp((k - 1) * d) : 0;
-  const double x =
-      q * q / A * (power_integral(2 * k - 2, d) - E * E * power_integral(2 * k + 2, d));
-  const double y =
-      2 * q * q * u0 / A * (power_integral(2 * k - 1, d) + E * power_integral(2 * k + 1, d));
-  for (int c = 0; c < 3; c++) {
-    dx[c] += x / A * a[c] + y / across * side[c];
-    v[c] = size * ((1 - u * u) / A * a[c] + 2 * u / across * side[c]);
-  }
+                         double *dx) {
+  const double A = of->A, along = of->along, across = of->across, speed = ms_vec3_norm(v);
+  curve on = {.k = F / A,
+              .u0 = along > 0 ? across / (speed + along) : (speed - along) / across,
+              .d = -INFINITY};
+  const double E = on.u0 * on.u0;
+  const int moves = t < ms_friction_stop(a, F, v);
+  on.q = speed / (1 + E);
+  if (moves) on.d = find_log_tangent(on.k, E, t * A / on.q);
+  const double u = on.u0 * exp(on.d), size = moves ? on.q * exp((on.k - 1) * on.d) : 0;
+  if (dx) add_curved_way(a, of, &on, dx);
+  for (int c = 0; c < 3; c++) v[c] = size * ((1 - u * u) / A * a[c] + 2 * u / across * of->side[c]);
 }
 
 void ms_friction_slide(const double a[3], double F, double t, double v[3], double dx[3]) {
@@ -105,5 +126,5 @@ void ms_friction_slide(const double a[3], double F, double t, double v[3], doubl
   if (F <= 0) advance_uniformly(a, t, v, way);
   else if (A == 0 || of.across <= 1e-9 * speed || speed <= STILL * t * A)
     slide_straight(a, F, t, v, way);
-  else slide_curved(a, F, t, &of, v, way);
+  else slide_curved(a, F, t, &of, v, dx);
 }

@@ -117,6 +117,14 @@ static int try_active_set(const ms_plane_set *touch, unsigned set, const double 
   return 1;
 }
 
+/* J = max(0, least - n.u)/n.n, with rounding errors */
+static void project_on_plane(const double *n, double least, double tolerance, double u[3],
+                             double *J) {
+  const double behind = least - ms_vec3_dot(n, u);
+  *J = behind <= tolerance ? 0 : behind / ms_vec3_dot(n, n);
+  if (*J > 0) ms_vec3_axpy(*J, n, u);
+}
+
 /* Enumerates all active sets: some set violates no condition. With rounding errors: the first set
  * within the tolerance, else that of least violation. */
 void ms_impacts_project(const ms_plane_set *touch, const double *least, double u[3], double *J) {
@@ -124,6 +132,10 @@ void ms_impacts_project(const ms_plane_set *touch, const double *least, double u
   const double from[3] = {u[0], u[1], u[2]};
   for (int i = 0; i < touch->n; i++) tolerance += fabs(least[i]);
   tolerance *= 64 * DBL_EPSILON;
+  if (touch->n == 1) {
+    project_on_plane(touch->plane[0]->normal, least[0], tolerance, u, J);
+    return;
+  }
   for (unsigned set = 0; set < 1u << touch->n && broken > tolerance; set++) {
     active_set_result a = {.u = {from[0], from[1], from[2]}};
     if (!try_active_set(touch, set, least, &a) || !(a.violation < broken)) continue;
