@@ -50,7 +50,7 @@ static json_t *convert_group(ms_import_nodes *in, json_t *group) {
 
 /*------------------------------------- the whole ------------------------------------------------*/
 
-/* part: NULL, or the part to be read; part->nparticles 0 on return: the scene is whole */
+/* part: the rank whose rows are to be read; NULL: all of them */
 static msim_status load_scene(ms_import_nodes *in, const msim_importer *table, const char *path,
                               ms_scene_part *part) {
   msim_status status = ms_import_nodes_load(in, table, path);
