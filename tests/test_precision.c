@@ -304,43 +304,6 @@ static void memory_may_run_out(void **state) {
   for (int m = 0; m < 2; m++) expect_failures(both[m]);
 }
 
-/*------------------------------------- the energy monitor ---------------------------------------*/
-
-static void unstable_runs_end_as_in_double_precision(void **state) {
-  (void)state;
-  msim_scene *scene = scene_of(0);
-  msim_options opt = single_options("velocity-verlet", 0.02);
-  msim_sim *sim = make_sim(scene, &opt);
-  opt.precision = MSIM_PRECISION_DOUBLE;
-  msim_sim *exact = make_sim(scene, &opt);
-  msim_error why;
-  const msim_status status = msim_sim_step(sim, 1000, &why);
-  assert_int_equal(status, msim_sim_step(exact, 1000, NULL));
-  assert_true(status == MSIM_UNSTABLE || status == MSIM_NOT_FINITE);
-  assert_non_null(strstr(why.text, "particle"));
-  const msim_state now = state_of(sim);
-  assert_int_equal(now.step, state_of(exact).step);
-  for (int i = 0; i < 3 * now.n; i++) assert_true(isfinite(now.x[i]) && isfinite(now.v[i]));
-  msim_sim_destroy(sim), msim_sim_destroy(exact), msim_scene_destroy(scene);
-}
-
-/* A particle that a constant force F has moved by d has the kinetic energy F d, which the monitor
- * counts as supplied, however far it exceeds the energy at the start. */
-static void constant_forces_supply_energy(void **state) {
-  (void)state;
-  const double x[3] = {0}, v[3] = {1e-3, 0, 0}, force[3] = {10, 0, 0};
-  msim_scene *scene = make_single_particle(x, v, 0);
-  assert_ok(msim_scene_set_forces(scene, force, err));
-  const msim_options opt = single_options("velocity-verlet", 0.01);
-  msim_sim *sim = make_sim(scene, &opt);
-  msim_energy energy = {.size = sizeof energy};
-  assert_ok(msim_sim_step(sim, 10000, err));
-  msim_sim_energy(sim, &energy);
-  assert_close(energy.kinetic, force[0] * state_of(sim).x[0], 1e-5 * energy.kinetic);
-  assert_true(energy.kinetic > 1e5);
-  msim_sim_destroy(sim), msim_scene_destroy(scene);
-}
-
 /*------------------------------------- changes --------------------------------------------------*/
 
 /* Springs, forces, pins, steps and particles of a running sim change in both precisions alike. */
@@ -475,8 +438,6 @@ int main(void) {
                                      cmocka_unit_test(pinned_particles_stay_exactly),
                                      cmocka_unit_test(checkpoints_of_another_precision_are_refused),
                                      cmocka_unit_test(memory_may_run_out),
-                                     cmocka_unit_test(unstable_runs_end_as_in_double_precision),
-                                     cmocka_unit_test(constant_forces_supply_energy),
                                      cmocka_unit_test(changes_are_followed),
                                      cmocka_unit_test(unsupported_options_are_refused),
                                      cmocka_unit_test(unsupported_scenes_are_refused),

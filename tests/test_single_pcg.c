@@ -6,7 +6,7 @@
 #include "rank_scenes.h"
 #include "two_level.h"
 
-enum { SIZE = 64, SCENES = 4 };
+enum { SIZE = 64, SCENES = 5 };
 
 static msim_options two_level_in(int32_t precision) {
   msim_options opt = two_level_options();
@@ -15,10 +15,14 @@ static msim_options two_level_in(int32_t precision) {
 }
 
 /* A soft and a stiff cloth, each of two chunks of work; a solid; a mesh with a hub, whose row is
- * split */
+ * split; a cloth that moves in its plane */
 static msim_scene *scene_of(int i) {
+  const double g[3] = {0, -9.81, 0};
   if (i < 2) return hanging_cloth(40, i ? 1e5 : 1e3, 0.01);
-  return i == 2 ? hanging_cube(10, 1e3) : random_mesh(1500, 5, 0.01);
+  if (i < 4) return i == 2 ? hanging_cube(10, 1e3) : random_mesh(1500, 5, 0.01);
+  msim_scene *scene = hanging_cloth(24, 1e3, 0);
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
 }
 
 /*------------------------------------- tolerances -----------------------------------------------*/
