@@ -43,8 +43,15 @@ static double find_centrifugal(const ms_stepper *s, const ms_contact *c, const d
   return most;
 }
 
-/* ms_contact.change, but for turns. v: at the start; a0, a1: free accelerations at both ends.
- * Sliding stops as with constant a0. */
+/* The share of the substep after which a sliding particle stops, as with constant a0 */
+static double find_stop(const ms_contact *c, double h, const double v[3], double a0[3]) {
+  if (c->bounces || c->fixed || c->sticks || !c->has_friction) return MS_NOWHERE;
+  const double friction = ms_impacts_remove_normal(&c->on, a0, NULL);
+  const double stop = ms_friction_stop(a0, friction, v) / h;
+  return stop <= 1 ? stop : MS_NOWHERE;
+}
+
+/* ms_contact.change, but for turns. v: at the start; a0, a1: free accelerations at both ends */
 static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
                           const double a1[3], double centrifugal) {
   if (c->bounces) return MS_NOWHERE;
@@ -53,10 +60,7 @@ static double find_change(const ms_contact *c, double h, const double v[3], doub
   if (push < -tolerance) return crossing(ms_contact_set_reaction(c, a0) - centrifugal, push);
   if (c->fixed || (c->sticks && friction_margin(c, a1) >= -tolerance)) return MS_NOWHERE;
   if (c->sticks) return crossing(friction_margin(c, a0), friction_margin(c, a1));
-  if (!c->has_friction) return MS_NOWHERE;
-  const double friction = ms_impacts_remove_normal(&c->on, a0, NULL);
-  const double stop = ms_friction_stop(a0, friction, v) / h;
-  return stop <= 1 ? stop : MS_NOWHERE;
+  return find_stop(c, h, v, a0);
 }
 
 /* Sets `change` by the substep just made, with free accelerations a and a_end. */
@@ -77,4 +81,16 @@ void ms_contact_change_finish_substep(ms_stepper *s) {
   ms_contact_set_place(s);
   ms_contact_set_free_acceleration(s, 1, s->x_next, s->v_next, e->a_end);
   for (int32_t i = 0; i < e->ncontacts; i++) update_change(s, &e->contact[i]);
+}
+
+int ms_contact_change_any_stops(const ms_stepper *s) {
+  const ms_contact_set *e = s->events;
+  int any = 0;
+  for (int32_t i = 0; i < e->ncontacts && !any; i++) {
+    double v[3], a[3];
+    ms_unknowns_get(&s->model->unknowns, s->v, e->contact[i].row, v);
+    ms_unknowns_get(&s->model->unknowns, e->a, e->contact[i].row, a);
+    any = find_stop(&e->contact[i], s->h, v, a) <= 1;
+  }
+  return any;
 }

@@ -9,4 +9,8 @@
  * a_end, and sets `change` of each contact. Without contacts it does nothing. */
 void ms_contact_change_finish_substep(ms_stepper *s);
 
+/* 1: a sliding particle of this rank would stop in the substep to be made, as with constant free
+ * accelerations */
+int ms_contact_change_any_stops(const ms_stepper *s);
+
 #endif

@@ -409,11 +409,24 @@ static int may_make_own_step(const contact_solve *j) {
   return !ms_solid_contact_any_moves(j->s) && (may_touch || !ms_stepper_has_contacts(j->s));
 }
 
+static int64_t count_planes(const ms_contact_set *e) {
+  int64_t n = 0;
+  for (int32_t i = 0; i < e->ncontacts; i++) n += e->contact[i].on.n;
+  return n;
+}
+
+/* 1: implicit Euler would make its own step in vain, and once more with other contacts: particles
+ * are predicted to meet more planes than the n that they touch, or slide to a stop. */
+static int expects_change(const contact_solve *j, int64_t n) {
+  const int changes = count_planes(j->e) > n || ms_contact_change_any_stops(j->s);
+  return ms_rank_model_any(j->s->model, changes);
+}
+
 msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   ms_contact_set *e = s->events;
   contact_solve j = {.method = method, .s = s, .e = e, .v_start = s->v};
   const int64_t before = s->stats->contacts;
-  const int cached = s->cached_stage;
+  const int cached = s->cached_stage, is_euler = method == &ms_implicit_euler;
   const double work = s->work_in_step;
   struct ms_contact_log *log = s->contact_log;
   s->contact_log = NULL;
@@ -422,13 +435,15 @@ msim_status ms_implicit_contact_step(const ms_integrator *method, ms_stepper *s,
   s->work_in_step = work; /* the step starts before any bounce */
   ms_solid_contact_move_to_end(s);
   const int impacts = s->stats->contacts > before;
-  int64_t predicted = method->nonlinear ? 0 : ms_contact_joining_add_predicted(s);
-  if (!impacts && may_make_own_step(&j)) {
+  const int predicts = !method->nonlinear || is_euler;
+  const int64_t n = count_planes(e);
+  int64_t predicted = predicts ? ms_contact_joining_add_predicted(s) : 0;
+  if (!impacts && may_make_own_step(&j) && !(is_euler && expects_change(&j, n))) {
     int settled;
     const msim_status status = make_own_step(&j, cached, &settled, err);
     if (status || settled) return status;
   }
-  if (method->nonlinear) predicted = ms_contact_joining_add_predicted(s);
+  if (!predicts) predicted = ms_contact_joining_add_predicted(s);
   s->stats->contacts = before + predicted;
   for (int32_t i = 0; i < e->ncontacts; i++) start_friction(&j, &e->contact[i]);
   if (j.has_solution) update_contacts(&j, 0);

@@ -3,10 +3,11 @@
  *
  * Where springs oscillate many times within a step, an impact involves more than one particle: the
  * particles connected to it push on. So impacts are not located. The method first makes its own
- * step, which is the result if no contact changes. Otherwise implicit Euler, which damps the
- * vibrations that an impact excites, makes the step anew, with velocities as unknowns and
- * constraints on positions (Stewart and Trinkle, Int. J. Numer. Meth. Eng. 39 (1996) 2673): along
- * the normals n of its planes a particle has a prescribed velocity during the step,
+ * step, which is the result if no contact changes; but not implicit Euler, where the state at its
+ * start predicts a change. Otherwise implicit Euler, which damps the vibrations that an impact
+ * excites, makes the step anew, with velocities as unknowns and constraints on positions (Stewart
+ * and Trinkle, Int. J. Numer. Meth. Eng. 39 (1996) 2673): along the normals n of its planes a
+ * particle has a prescribed velocity during the step,
  *   n.v = -gap/h       it reaches the plane,
  *   n.v = -e n.v_n     it bounces, if this speed exceeds 2 h |g|,
  *   n.v = 0            it rests,
