@@ -1,11 +1,13 @@
 #include "sim/rank_sim.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "base/archive.h"
 #include "base/comm_plugin.h"
 #include "base/isa.h"
 #include "linear/backends.h"
+#include "sim/refusal.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -27,11 +29,6 @@ msim_status ms_rank_sim_join(const msim_comm *comm, const msim_allocator *alloc,
 
 /*------------------------------------- refusals -------------------------------------------------*/
 
-/* What ranks do not support, and what to use; NULL: nothing */
-typedef struct refusal {
-  const char *what, *remedy;
-} refusal;
-
 static int any_rank_is_empty(const ms_rank_part *part) {
   for (int32_t r = 0; r < part->ranks->n; r++)
     if (part->bytes[r] == 0) return 1;
@@ -39,27 +36,28 @@ static int any_rank_is_empty(const ms_rank_part *part) {
 }
 
 /* Of implicit methods */
-static refusal find_refused_system(const msim_sim *sim) {
+static ms_refusal find_refused_system(const msim_sim *sim) {
   const msim_options *opt = &sim->config.opt;
   if (strcmp(opt->solver, "pcg") != 0 && !ms_backends_supports_ranks(opt, &sim->alloc))
-    return (refusal){"that solver", "use solver = pcg or petsc"};
+    return (ms_refusal){"that solver", "use solver = pcg or petsc"};
   if (opt->indefinite == MSIM_INDEFINITE_SOLVE)
-    return (refusal){"indefinite = solve", "use indefinite = clamp"};
+    return (ms_refusal){"indefinite = solve", "use indefinite = clamp"};
   if (any_rank_is_empty(sim->part))
-    return (refusal){"fewer free particles than ranks", "use fewer ranks"};
-  return (refusal){NULL, NULL};
+    return (ms_refusal){"fewer free particles than ranks", "use fewer ranks"};
+  return (ms_refusal){NULL, NULL};
 }
 
-static refusal find_refused_option(const msim_sim *sim) {
+static ms_refusal find_refused_option(const msim_sim *sim) {
   const msim_options *opt = &sim->config.opt;
   if (ms_sim_has_control(sim) && ms_scene_has_obstacles(sim->scene))
-    return (refusal){"error control (tol; dop853 without steps) at planes and colliders",
-                     "set steps, and tol = 0"};
+    return (ms_refusal){"error control (tol; dop853 without steps) at planes and colliders",
+                        "set steps, and tol = 0"};
   if (opt->collision == MSIM_COLLISION_EVENT && ms_scene_has_obstacles(sim->scene))
-    return (refusal){"collision = event", "use collision = reflect"};
-  if (opt->contacts != MSIM_CONTACTS_OFF) return (refusal){"contacts = on", "use contacts = off"};
+    return (ms_refusal){"collision = event", "use collision = reflect"};
+  if (opt->contacts != MSIM_CONTACTS_OFF)
+    return (ms_refusal){"contacts = on", "use contacts = off"};
   if (sim->config.integrator->entry.implicit) return find_refused_system(sim);
-  return (refusal){NULL, NULL};
+  return (ms_refusal){NULL, NULL};
 }
 
 msim_status ms_rank_sim_check(msim_sim *sim, msim_error *err) {
@@ -72,10 +70,9 @@ msim_status ms_rank_sim_check(msim_sim *sim, msim_error *err) {
                         "linearly-implicit-euler, or one process",
                         n, ms_sim_selects(sim) ? "auto" : method->entry.name);
   if (strcmp(sim->config.opt.solver, "auto") == 0) sim->config.opt.solver = "pcg";
-  const refusal r = find_refused_option(sim);
-  if (!r.what) return MSIM_OK;
-  return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
-                      "%d ranks do not support %s; %s, or use one process", n, r.what, r.remedy);
+  char ranks[32];
+  snprintf(ranks, sizeof ranks, "%d ranks do", n);
+  return ms_refusal_report(find_refused_option(sim), ranks, "use one process", err);
 }
 
 msim_status ms_rank_sim_refuse(const msim_sim *sim, const char *function, msim_error *err) {
