@@ -4,7 +4,6 @@
 #include <math.h>
 
 #include "integrate/stiffness_partition.h"
-#include "contact/impact_location.h"
 #include "methods/methods.h"
 #include "linear/iteration_estimate.h"
 #include "sim/step_driver.h"
@@ -93,17 +92,17 @@ static double longest_trial_step(const ms_pilot_run *p, const ms_integrator *met
 
 /* Located impacts are of order 2 in longer steps, which trials of shorter steps do not show. */
 static double longest_to_locate(const ms_pilot_run *p, const ms_integrator *method) {
-  const double limit = ms_impact_location_longest_step(method, p->bounds.omega);
-  return limit > 0 ? fmin(longest_trial_step(p, method), limit) : longest_trial_step(p, method);
+  return fmin(longest_trial_step(p, method), ms_pilot_run_longest_to_locate(p, method));
 }
 
 /* Set the evaluations of steps of c->h, and their cost: with floats about half of that with
- * doubles. */
+ * doubles, and three times as many where two half steps verify each step with impacts. */
 static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
   if (c->method->stages)
     c->step_cost = c->method->stages(c->h, ms_bounds_compute_island(ms_pilot_run_model(p)));
   c->cost_rate = c->step_cost / c->h + candidate_list[i].first / p->span;
   if (c->precision == MSIM_PRECISION_SINGLE) c->cost_rate /= 2;
+  if (ms_verification_setup_is_for_events(p, c)) c->cost_rate *= 3;
 }
 
 /* The limit of stability that damping sets holds in every state; in most, error control takes steps

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "contact/impact_location.h"
 #include "methods/methods.h"
 #include "linear/lagged_factor.h"
 #include "sim/step_driver.h"
@@ -111,6 +112,15 @@ static msim_status start_method(ms_pilot_run *p, const ms_trial *of, const msim_
 
 const ms_model *ms_pilot_run_model(const ms_pilot_run *p) {
   return &ms_sim_largest_island(p->sims[MSIM_COLLISION_REFLECT])->model;
+}
+
+double ms_pilot_run_longest_to_locate(const ms_pilot_run *p, const ms_integrator *method) {
+  const msim_sim *sim = p->sims[MSIM_COLLISION_REFLECT];
+  double omega = 0;
+  for (int32_t i = 0; i < sim->nislands; i++)
+    omega = fmax(omega, ms_bounds_compute_island(&sim->islands[i].model).omega);
+  const double limit = ms_impact_location_longest_step(method, omega);
+  return limit > 0 ? limit : INFINITY;
 }
 
 /*------------------------------------- errors ---------------------------------------------------*/
@@ -258,11 +268,12 @@ static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_e
   return status;
 }
 
-/* Set p->growth: with planes 4, as later impacts may have larger errors; else g = (error of a step
- * at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 if nothing is damped. */
+/* Set p->error_growth: with planes 10, as later impacts may have larger errors; else g = (error of
+ * a step at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 if nothing is
+ * damped. */
 static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error *err) {
   double now, before;
-  p->error_growth = p->planes_count ? 4 : 1;
+  p->error_growth = p->planes_count ? 10 : 1;
   if (p->planes_count) return MSIM_OK;
   msim_status status = compare_half_steps(p, step, 1, &p->middle, &before, err);
   if (!status) status = compare_half_steps(p, step, 1, &p->end, &now, err);

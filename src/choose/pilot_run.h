@@ -59,6 +59,10 @@ void ms_pilot_run_end(ms_pilot_run *p);
 /* 0.9 of the longest stable step, s; INFINITY: any is stable. */
 double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *method);
 
+/* The longest step that is divided at impacts, s; INFINITY: any, or none. By the bounds of the
+ * steps themselves, as longer ones are much less accurate. */
+double ms_pilot_run_longest_to_locate(const ms_pilot_run *p, const ms_integrator *method);
+
 /* The number of steps of h in a trial */
 double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h);
 

@@ -27,6 +27,10 @@ int ms_verification_setup_is_needed(const ms_pilot_run *p, const ms_candidate *c
   return !(p->planes_count && impacts_keep_order(p, c));
 }
 
+int ms_verification_setup_is_for_events(const ms_pilot_run *p, const ms_candidate *c) {
+  return p->planes_count && p->many && ms_verification_setup_is_needed(p, c);
+}
+
 /* Set the difference from half steps that verified steps may have (step_verification.h): 50 e
  * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
  * and no plane is near. e: that of a step at the choice; E: the error foreseen without the growth
@@ -41,7 +45,7 @@ msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c
   v->scales = p->scales;
   v->planes_far = ms_scene_has_obstacles(p->sim->scene) && !p->planes_count;
   if (!ms_verification_setup_is_needed(p, c)) return MSIM_OK;
-  v->only_events = p->planes_count && p->many;
+  v->only_events = ms_verification_setup_is_for_events(p, c);
   if (v->only_events) v->allowed = p->tol / MS_EVENTS_PER_RUN;
   if (v->only_events) return MSIM_OK;
   msim_status status = ms_pilot_run_measure_steps(p, trial, n, s, err);
