@@ -210,6 +210,15 @@ class Parts(RankFiles):
         self.assertEqual((status, out, err.count("msim_cli: ")), (1, "", 1), err)
         self.assertIn(f"the length of springs.ij[{first}] is beyond the range", err)
 
+    def test_an_array_that_is_too_long(self):
+        with h5py.File(self.folder / "scene.h5", "a") as file:
+            n = len(file["particles/x"])
+            del file["particles/mass"]
+            file["particles/mass"] = numpy.ones(n + 1)
+        status, out, err = self.cli(*self.command(2, EXPLICIT, "out.vtkhdf"))
+        self.assertEqual((status, out, err.count("msim_cli: ")), (1, "", 1), err)
+        self.assertRegex(err, rf"scene\.h5: particles\.mass .*an array of {n}")
+
     def test_a_fault_in_one_part(self):
         """The rank that has it is named, and the row in the file."""
         last = len(self.ij) - 1

@@ -185,6 +185,7 @@ static const char *change_gravity(msim_comm *comm, void *data) {
   const double g[3] = {0, 1, 0};
   msim_options opt = options("velocity-verlet", 1e-4);
   msim_error why = {0};
+  msim_state whole = {.size = sizeof whole};
   msim_sim *sim;
   msim_scene *part;
   opt.comm = comm;
@@ -192,6 +193,8 @@ static const char *change_gravity(msim_comm *comm, void *data) {
   if (!*only || comm->rank == 1) EXPECT(msim_scene_set_gravity(part, g, &why) == MSIM_OK);
   const msim_status status = msim_sim_create(part, &opt, &sim, &why);
   EXPECT(status == (*only ? MSIM_ERR_ARG : MSIM_OK));
+  EXPECT(!sim || sim->scene->external.gravity[1] == 1);
+  EXPECT(!sim || msim_sim_state(sim, &whole) == MSIM_OK); /* gathers the scene */
   EXPECT(!sim || sim->scene->external.gravity[1] == 1);
   msim_sim_destroy(sim);
   msim_scene_destroy(part);
