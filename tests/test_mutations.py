@@ -46,7 +46,7 @@ class Accepted(unittest.TestCase):
                 path = support.SOURCE / file
                 made = [describe(m)[1:] for operator in OPERATORS
                         for m in mutations_of(path, operator)]
-                self.assertIn((before, after), made)
+                self.assertTrue((before, after) in made, f"no such mutation: {after}")
 
 
 class Operators(unittest.TestCase):
