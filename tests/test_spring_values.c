@@ -168,10 +168,12 @@ static void expect_same_state(msim_sim *is, msim_sim *should) {
  * its checkpoint. */
 static void sims_follow_changes(void **state) {
   (void)state;
-  static const char *const methods[] = {"symplectic-euler", "linearly-implicit-euler"};
-  for (int i = 0; i < 2; i++) {
+  static const char *const methods[] = {"symplectic-euler", "symplectic-euler",
+                                        "linearly-implicit-euler"};
+  for (int i = 0; i < 3; i++) {
     unsigned seed = 3;
-    const msim_options opt = options(methods[i], 1e-5);
+    msim_options opt = options(methods[i], 1e-5);
+    if (i == 1) opt.precision = MSIM_PRECISION_SINGLE;
     msim_scene *scene = two_cloths(), *other = two_cloths();
     ms_scene *s = other->data;
     change_springs(s, random_value, &seed);
@@ -180,7 +182,7 @@ static void sims_follow_changes(void **state) {
     assert_ok(msim_sim_set_springs(changed, s->k, s->rest, s->damping, err));
     check_sim(changed);
     assert_ok(msim_sim_step(changed, 20, err));
-    if (i == 0) {
+    if (i < 2) {
       assert_ok(msim_sim_step(created, 20, err));
       expect_same_state(changed, created);
     }

@@ -10,17 +10,15 @@
 
 /* Where the model has k and masses in the precision of the lanes */
 #ifdef MS_SINGLE
-#  define SPRINGS_OF(m)               ((m)->single)
-#  define VALUE_OF(half_edges, entry) (MS_SLICE * (size_t)(entry))
-#  define MASSES_OF(m)                ((m)->single)
-#  define LARGEST_VALID               MS_LARGEST_VALID_SINGLE
-#  define FORCE_KERNELS               ms_single_force_kernels
+#  define SPRINGS_OF(m) ((m)->single)
+#  define MASSES_OF(m)  ((m)->single)
+#  define LARGEST_VALID MS_LARGEST_VALID_SINGLE
+#  define FORCE_KERNELS ms_single_force_kernels
 #else
-#  define SPRINGS_OF(m)               (&(m)->half_edges)
-#  define VALUE_OF(half_edges, entry) ((size_t)(half_edges)->entry[entry].value)
-#  define MASSES_OF(m)                (m)
-#  define LARGEST_VALID               MS_LARGEST_VALID
-#  define FORCE_KERNELS               ms_force_kernels
+#  define SPRINGS_OF(m) (&(m)->half_edges)
+#  define MASSES_OF(m)  (m)
+#  define LARGEST_VALID MS_LARGEST_VALID
+#  define FORCE_KERNELS ms_force_kernels
 #endif
 
 /*------------------------------------- forces ---------------------------------------------------*/
@@ -86,7 +84,7 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms
   const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
   const ms_lane_vectors vi = kind == DAMPED ? ms_load_own(dims, p, lane, v, stride) : xi;
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
-    const size_t at = VALUE_OF(half_edges, entry) + lane;
+    const size_t at = (size_t)half_edges->entry[entry].value + lane;
     const ms_lane_vectors d = ms_subtract_neighbours(dims, half_edges, entry, lane, x, stride, xi);
     const ms_lane_vectors dv =
         kind == DAMPED ? ms_subtract_neighbours(dims, half_edges, entry, lane, v, stride, vi) : vi;

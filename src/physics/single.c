@@ -40,40 +40,56 @@ static void narrow(size_t n, const double *from, float *to) {
 
 void ms_single_update_springs(ms_model *model) {
   const ms_half_edges *h = &model->half_edges;
-  if (!model->single) return;
-  for (int32_t i = 0; i < MS_SLICE * h->nentries; i++) {
-    const size_t value = ms_half_edges_value(h, i);
-    model->single->k[i] = (float)h->k[value];
-    model->single->half_k_rest[i] = (float)(h->k[value] * h->rest[value] / 2);
-    model->single->quarter_damping[i] = (float)(h->damping[value] / 4);
+  ms_single *s = model->single;
+  for (size_t i = 0; s && i < h->nvalues; i++) {
+    s->k[i] = (float)h->k[i];
+    s->half_k_rest[i] = (float)(h->k[i] * h->rest[i] / 2);
+    s->quarter_damping[i] = (float)(h->damping[i] / 4);
   }
+}
+
+static void free_springs(const msim_allocator *alloc, const ms_single *s) {
+  MS_FREE(alloc, s->k, s->half_k_rest, s->quarter_damping);
+}
+
+msim_status ms_single_reserve_springs(ms_model *model, msim_error *err) {
+  const msim_allocator *alloc = &model->scene->alloc;
+  const size_t room = model->half_edges.room;
+  ms_single *s = model->single;
+  if (!s || s->room == room) return MSIM_OK;
+  ms_single to = *s;
+  to.k = to.half_k_rest = to.quarter_damping = NULL, to.room = room;
+  if (!MS_NEW(alloc, to.k, room) || !MS_NEW(alloc, to.half_k_rest, room) ||
+      !MS_NEW(alloc, to.quarter_damping, room)) {
+    free_springs(alloc, &to);
+    return ms_error_set_memory(err, "the springs as floats");
+  }
+  free_springs(alloc, s);
+  *s = to;
+  ms_single_update_springs(model);
+  return MSIM_OK;
 }
 
 msim_status ms_single_create(ms_model *model, msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const size_t lanes = MS_SLICE * (size_t)model->half_edges.nentries,
-               rows = (size_t)model->unknowns.first_pinned;
-  ms_single *s;
+  const size_t rows = (size_t)model->unknowns.first_pinned;
   if (!MS_NEW(alloc, model->single, 1)) return ms_error_set_memory(err, "the springs as floats");
-  s = model->single;
-  if (!MS_NEW(alloc, s->k, lanes) || !MS_NEW(alloc, s->half_k_rest, lanes) ||
-      !MS_NEW(alloc, s->quarter_damping, lanes) || !MS_NEW(alloc, s->mass, rows) ||
-      !MS_NEW(alloc, s->inv_mass, rows) ||
+  ms_single *s = model->single;
+  if (!MS_NEW(alloc, s->mass, rows) || !MS_NEW(alloc, s->inv_mass, rows) ||
       !MS_NEW_VECTORS(model->scene, &model->unknowns, &s->x, &s->v) ||
       (model->features & MS_HAS_PLANES &&
        !MS_NEW_VECTORS(model->scene, &model->unknowns, &s->x_before)))
     return ms_error_set_memory(err, "the springs as floats");
   narrow(rows, model->mass, s->mass);
   narrow(rows, model->inv_mass, s->inv_mass);
-  ms_single_update_springs(model);
   model->state_shape.single = 1;
-  return MSIM_OK;
+  return ms_single_reserve_springs(model, err);
 }
 
 void ms_single_destroy(const ms_scene *scene, ms_single *s) {
   if (!s) return;
-  MS_FREE(&scene->alloc, s->k, s->half_k_rest, s->quarter_damping, s->mass, s->inv_mass, s->x, s->v,
-          s->x_before, s);
+  free_springs(&scene->alloc, s);
+  MS_FREE(&scene->alloc, s->mass, s->inv_mass, s->x, s->v, s->x_before, s);
 }
 
 /*------------------------------------- states ---------------------------------------------------*/

@@ -16,8 +16,9 @@
 #include "physics/model.h"
 
 typedef struct ms_single {
-  /* k, k L/2 and c/4, as kernels multiply by 2/l: 8 half_edges.nentries; padding: 0 */
+  /* k, k L/2 and c/4, as kernels multiply by 2/l, in the order of half_edges.k; padding: 0 */
   float *k, *half_k_rest, *quarter_damping;
+  size_t room;              /* of these arrays */
   float *mass, *inv_mass;   /* first_pinned; padding: 1, 0 */
   double origin[3];         /* m */
   double *x, *v, *x_before; /* room for vectors of doubles; x_before: only with MS_HAS_PLANES */
@@ -33,8 +34,10 @@ msim_status ms_single_check_scene(const ms_scene *scene, msim_error *err);
 msim_status ms_single_check_springs(int32_t n, const double *k, const double *rest,
                                     const double *damping, msim_error *err);
 
-/* Copy k, rest and damping from the half-edges again. */
+/* Copy k, rest and damping from the half-edges again; before, make room for as many as these have
+ * room for. On failure nothing changes. */
 void ms_single_update_springs(ms_model *model);
+msim_status ms_single_reserve_springs(ms_model *model, msim_error *err);
 
 /* The functions below are for models of both precisions. */
 

@@ -259,6 +259,7 @@ msim_status ms_sim_reserve_springs(msim_sim *sim, msim_error *err) {
   for (int32_t i = 0; i < sim->nislands && !status; i++) {
     ms_model *m = &sim->islands[i].model;
     status = ms_spring_values_reserve(sim->scene, &m->springs, &m->half_edges, err);
+    if (!status) status = ms_single_reserve_springs(m, err);
   }
   return status;
 }
