@@ -293,22 +293,33 @@ static int is_settled(const contact_solve *j) {
   return 1;
 }
 
+typedef enum energy_growth { NO_GROWTH, ERROR_OF_METHOD, OTHER_MINIMUM } energy_growth;
+
+/* The error of implicit Euler, which follows curved surfaces by their tangents, is part of the
+ * energy of motion. Where Newton's method arrived at another minimum, as that of a body turned
+ * inside out, energy is more than twice as large. */
+static energy_growth find_growth(contact_solve *j, const ms_step_energy *start) {
+  double motion;
+  const double most = start->most + (j->is_linear ? start->linear : 0);
+  const double end = ms_step_energy_find_end(j->s, &motion);
+  const double own = ms_solid_contact_find_work(j->s, j->v_start);
+  const double by_solids = 2 * fabs(ms_rank_model_sum(j->s->model, own));
+  const double excess = end - (most + (ms_step_energy_bound_work(j->s, j->v_start) + by_solids));
+  if (!(excess > 0)) return NO_GROWTH;
+  return excess > start->motion && excess > motion / 2 ? OTHER_MINIMUM : ERROR_OF_METHOD;
+}
+
 /* Makes the step under the present law; repeats it with particles that joined as long as it adds
- * energy. *grows: it still does. */
-static msim_status try_law(contact_solve *j, const ms_step_energy *start, int *grows,
+ * energy. *growth: what it adds at last */
+static msim_status try_law(contact_solve *j, const ms_step_energy *start, energy_growth *growth,
                            msim_error *err) {
   enum { MOST = 3 };
   const int is_last = j->law == KEEP_DISTANCE;
-  const double most = start->most + (j->is_linear ? start->linear : 0);
   msim_status status = is_last ? MSIM_OK : find_contacts(j, ROUGH_SOLVES, err);
-  *grows = 1;
-  for (int i = 0; !status && *grows && (i == 0 || j->joined) && (i < MOST || is_last); i++) {
+  *growth = OTHER_MINIMUM;
+  for (int i = 0; !status && *growth && (i == 0 || j->joined) && (i < MOST || is_last); i++) {
     status = solve_contact_step(j, err);
-    if (status) return status;
-    const double end = ms_step_energy_find_end(j->s);
-    const double own = ms_solid_contact_find_work(j->s, j->v_start);
-    const double by_solids = 2 * fabs(ms_rank_model_sum(j->s->model, own));
-    *grows = end > most + (ms_step_energy_bound_work(j->s, j->v_start) + by_solids);
+    if (!status) *growth = find_growth(j, start);
   }
   return status;
 }
@@ -323,18 +334,18 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
   const ms_step_energy start = ms_step_energy_bound(s, j->v_start);
   j->solve_method = j->method->nonlinear ? &ms_implicit_euler : j->method;
   for (;;) {
-    int grows;
-    const msim_status status = try_law(j, &start, &grows, err);
+    energy_growth growth;
+    const msim_status status = try_law(j, &start, &growth, err);
     j->bounces = ms_rank_model_any(s->model, j->bounces);
     const int is_last = j->law == KEEP_DISTANCE || (j->is_linear && !j->bounces);
-    if ((j->law == KEEP_DISTANCE && !j->is_linear) || (status && status != MSIM_NOT_CONVERGED))
-      return status;
-    if (!status && !grows) return MSIM_OK;
+    if (status && (is_last || status != MSIM_NOT_CONVERGED)) return status;
+    if (!status && (!growth || (is_last && !j->is_linear && growth == ERROR_OF_METHOD)))
+      return MSIM_OK;
     if (is_last)
-      return ms_error_set(err, MSIM_NOT_CONVERGED,
-                          "impacts on colliders add energy in a step of h = %g s; use a smaller h, "
-                          "or implicit-euler",
-                          s->h);
+      return ms_error_set(
+          err, MSIM_NOT_CONVERGED,
+          "impacts on colliders add energy in a step of h = %g s; use a smaller h%s", s->h,
+          j->is_linear ? ", or implicit-euler" : "");
     j->law = j->law == ELASTIC && j->bounces ? INELASTIC : KEEP_DISTANCE;
     if (!j->is_linear) j->solve_method = &ms_implicit_euler;
   }

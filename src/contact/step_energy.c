@@ -40,18 +40,21 @@ ms_step_energy ms_step_energy_bound(ms_stepper *s, const double *v) {
   const double SMALL = 1e-5; /* growth by linearization, over kinetic and elastic energy */
   set_pins(s, 0, s->x);
   energy most = find_energy(s, s->x, v);
+  const double motion = most.motion;
   if (ms_rank_model_may_have_motions(s->model)) {
     set_pins(s, 1, s->x);
     const energy moved = find_energy(s, s->x, v);
     set_pins(s, 0, s->x);
     if (moved.total > most.total) most = moved;
   }
-  return (ms_step_energy){most.total + most.rounding, SMALL * most.motion};
+  return (ms_step_energy){most.total + most.rounding, SMALL * most.motion, motion};
 }
 
-double ms_step_energy_find_end(const ms_stepper *s) {
+double ms_step_energy_find_end(const ms_stepper *s, double *motion) {
   set_pins(s, 1, s->x_next);
-  return find_energy(s, s->x_next, s->v_next).total;
+  const energy end = find_energy(s, s->x_next, s->v_next);
+  *motion = end.motion;
+  return end.total;
 }
 
 double ms_step_energy_bound_work(ms_stepper *s, const double *v) {
@@ -103,7 +106,8 @@ static void halve_step(ms_stepper *s, const ms_contact_frame *frame) {
 }
 
 static double find_energy_less_work(const ms_stepper *s) {
-  return ms_step_energy_find_end(s) - ms_rank_model_sum(s->model, s->work_in_step);
+  double motion;
+  return ms_step_energy_find_end(s, &motion) - ms_rank_model_sum(s->model, s->work_in_step);
 }
 
 void ms_step_energy_shorten(ms_stepper *s, double most) {

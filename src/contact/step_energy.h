@@ -9,6 +9,7 @@
 typedef struct ms_step_energy {
   double most; /* the kinetic, elastic and potential energy that a step may lead to, without work */
   double linear; /* what the linearization of springs may add to it */
+  double motion; /* kinetic and elastic energy at the start */
 } ms_step_energy;
 
 /* The kinetic, elastic and potential energy of the unknowns of this rank, J; *motion: the first
@@ -20,8 +21,9 @@ double ms_step_energy_sum(const ms_model *model, const double *x, const double *
  * as implicit Euler moves them first. v: the velocities at the start */
 ms_step_energy ms_step_energy_bound(ms_stepper *s, const double *v);
 
-/* The energy at the end of the step just made, with the pins at their ends */
-double ms_step_energy_find_end(const ms_stepper *s);
+/* The energy at the end of the step just made, with the pins at their ends; *motion: its kinetic
+ * and elastic part */
+double ms_step_energy_find_end(const ms_stepper *s, double *motion);
 
 /* A bound on the work of moving pins and of a force function in the step just made, J: twice its
  * trapezoidal rule */
