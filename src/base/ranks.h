@@ -5,6 +5,7 @@
 #ifndef MS_RANKS_H
 #define MS_RANKS_H
 
+#include "base/error.h"
 #include "base/memory.h"
 #include "msim/comm.h"
 
@@ -36,6 +37,12 @@ msim_status ms_ranks_agree_on(ms_ranks *ranks, msim_status status, ms_agreement 
                               msim_error *err);
 static inline msim_status ms_ranks_agree(ms_ranks *ranks, msim_status status, msim_error *err) {
   return ranks ? ms_ranks_agree_on(ranks, status, NULL, err) : status;
+}
+
+/* The same, where a rank without memory for `what` passes fits = 0. */
+static inline msim_status ms_ranks_agree_on_memory(ms_ranks *ranks, int fits, const char *what,
+                                                   msim_error *err) {
+  return ms_ranks_agree(ranks, fits ? MSIM_OK : ms_error_set_memory(err, what), err);
 }
 
 /* 1: the number is the same on all ranks. */

@@ -100,12 +100,11 @@ msim_status ms_halo_create(const ms_scene *scene, const ms_unknowns *rows, const
   ms_halo *h = *halo = ms_memory_allocate(&scene->alloc, 1, sizeof *h);
   int fits = h && create_requests(scene, rows, part, &q);
   if (fits) h->ranks = ranks, h->first = rows->first_pinned;
-  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the ghosts");
-  status = ms_ranks_agree(ranks, status, err);
+  msim_status status = ms_ranks_agree_on_memory(ranks, fits, "the ghosts", err);
   if (!status) {
     count_requests(ranks, &q);
     fits = !ranks->failed && allocate_messages(scene, &q, h, &q.out);
-    status = ms_ranks_agree(ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the ghosts"), err);
+    status = ms_ranks_agree_on_memory(ranks, fits, "the ghosts", err);
   }
   if (!status) {
     send_requests(ranks, &q);

@@ -75,8 +75,7 @@ static msim_status send_items(const source *from, const ms_rank_part *part, cons
   *own = ms_memory_allocate(alloc, (size_t)count[ranks->rank], size);
   if (is_root(part)) items = ms_memory_allocate(alloc, (size_t)sum, size);
   const int fits = *own && (items || !is_root(part));
-  msim_status status = ms_ranks_agree(
-      ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the order of the half-edges"), err);
+  msim_status status = ms_ranks_agree_on_memory(ranks, fits, "the order of the half-edges", err);
   if (!status) {
     if (is_root(part)) fill(from, part->next, items);
     ms_ranks_all_to_all(ranks, part->send_bytes, items, part->receive_bytes, *own);
@@ -100,8 +99,8 @@ static msim_status share_islands(const ms_rank_part *part, const msim_allocator 
   const int fits = is_root(part) ||
                    (MS_NEW(alloc, to->first, (size_t)to->n + 1) && MS_NEW(alloc, to->hash, to->n) &&
                     MS_NEW(alloc, order->angle_position, order->nangles));
-  const msim_status status = ms_ranks_agree(
-      part->ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the order of the half-edges"), err);
+  const msim_status status =
+      ms_ranks_agree_on_memory(part->ranks, fits, "the order of the half-edges", err);
   if (status) return status;
   ms_ranks_broadcast(part->ranks, 0, ((int64_t)n + 1) * (int64_t)sizeof *to->first, to->first);
   ms_ranks_broadcast(part->ranks, 0, n * (int64_t)sizeof *to->hash, to->hash);

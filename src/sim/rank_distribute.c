@@ -7,8 +7,7 @@
 static int is_root(const ms_ranks *ranks) { return ranks->rank == 0; }
 
 static msim_status agree(ms_ranks *ranks, int fits, msim_error *err) {
-  return ms_ranks_agree(ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the part of this rank"),
-                        err);
+  return ms_ranks_agree_on_memory(ranks, fits, "the part of this rank", err);
 }
 
 /*------------------------------------- on rank 0 ------------------------------------------------*/

@@ -46,18 +46,14 @@ int32_t ms_rank_fetch_sort(int64_t n, int32_t *number) {
   return count;
 }
 
-static msim_status agree(const ms_rank_fetch *f, int fits, msim_error *err) {
-  return ms_ranks_agree(f->ranks,
-                        fits ? MSIM_OK : ms_error_set_memory(err, "the part of this rank"), err);
-}
-
 msim_status ms_rank_fetch_create(ms_ranks *ranks, const ms_rank_scene *slices, ms_element of,
                                  int32_t n, const int32_t *number, ms_rank_fetch *f,
                                  msim_error *err) {
+  static const char WHAT[] = "the part of this rank";
   *f = (ms_rank_fetch){.ranks = ranks, .slices = slices};
   const msim_allocator *alloc = alloc_of(f);
-  msim_status status =
-      agree(f, MS_NEW(alloc, f->nin, ranks->n) && MS_NEW(alloc, f->nout, ranks->n), err);
+  msim_status status = ms_ranks_agree_on_memory(
+      ranks, MS_NEW(alloc, f->nin, ranks->n) && MS_NEW(alloc, f->nout, ranks->n), WHAT, err);
   if (status) return status;
   count_wanted(f, of, n, number);
   for (int32_t r = 0; r < ranks->n; r++)
@@ -66,7 +62,8 @@ msim_status ms_rank_fetch_create(ms_ranks *ranks, const ms_rank_scene *slices, m
   for (int32_t r = 0; r < ranks->n && !ranks->failed; r++) f->sum_out += f->nout[r];
   const size_t widest = of == MS_PARTICLES ? 3 * sizeof(double) : sizeof(double);
   f->buffer = ms_memory_allocate(alloc, (size_t)f->sum_out, widest);
-  status = agree(f, MS_NEW(alloc, f->out, f->sum_out) && f->buffer, err);
+  status =
+      ms_ranks_agree_on_memory(ranks, MS_NEW(alloc, f->out, f->sum_out) && f->buffer, WHAT, err);
   if (status) return status;
   set_bytes(f, f->nin, f->nout, sizeof *number);
   ms_ranks_all_to_all(ranks, slices->send_bytes, number, slices->receive_bytes, f->out);

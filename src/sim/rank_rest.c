@@ -38,8 +38,7 @@ msim_status ms_rank_rest_compute(const ms_scene_part *part, ms_ranks *ranks, msi
   ms_rank_fetch f = {0};
   positions at = {0};
   const int fits = slices && list_ends(rows, &at);
-  msim_status status = ms_ranks_agree(
-      ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the lengths of the springs"), err);
+  msim_status status = ms_ranks_agree_on_memory(ranks, fits, "the lengths of the springs", err);
   if (!status) status = ms_rank_fetch_create(ranks, slices, MS_PARTICLES, at.n, at.number, &f, err);
   if (!status) {
     ms_rank_fetch_rows(&f, 3 * sizeof *at.x, rows->x, at.x);

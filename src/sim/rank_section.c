@@ -101,22 +101,21 @@ static int find_unknowns(const msim_sim *sim, ms_rank_section *s, const requests
   return 1;
 }
 
-static msim_status agree_on_memory(const msim_sim *sim, int fits, msim_error *err) {
-  const msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame");
-  return ms_ranks_agree(sim->ranks, status, err);
+static msim_status agree(const msim_sim *sim, int fits, msim_error *err) {
+  return ms_ranks_agree_on_memory(sim->ranks, fits, "the rows of a frame", err);
 }
 
 /* scene: the topology of the whole one */
 static msim_status connect(msim_sim *sim, const ms_scene *scene, ms_rank_section *s, requests *q,
                            msim_error *err) {
   ms_ranks *ranks = sim->ranks;
-  msim_status status = agree_on_memory(sim, s && list_wanted(sim, scene, s, q), err);
+  msim_status status = agree(sim, s && list_wanted(sim, scene, s, q), err);
   if (status) return status;
   ms_ranks_all_to_all(ranks, q->in_bytes, q->nin, q->in_bytes, q->nout);
-  status = agree_on_memory(sim, ranks->failed || allocate_messages(sim, s, q), err);
+  status = agree(sim, ranks->failed || allocate_messages(sim, s, q), err);
   if (status) return status;
   ms_ranks_all_to_all(ranks, q->in_bytes, q->in, q->out_bytes, q->out);
-  return agree_on_memory(sim, ranks->failed || find_unknowns(sim, s, q), err);
+  return agree(sim, ranks->failed || find_unknowns(sim, s, q), err);
 }
 
 msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
