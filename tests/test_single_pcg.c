@@ -1,5 +1,5 @@
-/* Tests of two-level conjugate gradients with vectors of floats (precision = single): tolerances,
- * number of iterations, small motions, and bits of threads and resumed runs. */
+/* Tests of two-level conjugate gradients with vectors of floats (precision = single) and doubles:
+ * tolerances, number of iterations, small motions, and bits of threads and resumed runs. */
 #include <math.h>
 
 #include "checkpoints.h"
@@ -44,8 +44,8 @@ static int64_t count_iterations(const msim_scene *scene, int32_t precision, doub
 }
 
 /* Rounding delays conjugate gradients (Greenbaum, Linear Algebra Appl. 113 (1989) 7), by less than
- * half of the iterations, and with a coarse space, which leaves few of them, by less than a fifth.
- */
+ * three quarters of the iterations, and with a coarse space, which leaves few of them, by less than
+ * a fifth. */
 static void every_tolerance_is_met(void **state) {
   (void)state;
   static const double rtol[] = {1e-3, 1e-6, 1e-8, 1e-12};
@@ -57,12 +57,59 @@ static void every_tolerance_is_met(void **state) {
                         count_iterations(scene, MSIM_PRECISION_SINGLE, rtol[at % 4], aggregate),
                     doubles =
                         count_iterations(scene, MSIM_PRECISION_DOUBLE, rtol[at % 4], aggregate);
-      if ((double)floats > (aggregate ? 1.2 : 1.5) * (double)doubles)
+      if ((double)floats > (aggregate ? 1.2 : 1.75) * (double)doubles)
         fail_msg("scene %d, rtol %g: %d iterations, not %d", s, rtol[at % 4], (int)floats,
                  (int)doubles);
     }
     msim_scene_destroy(scene);
   }
+}
+
+/* They converge linearly at least: twice the digits take twice the iterations, although the
+ * residual of the recursion drifts from the true one. With a restart at the drift it would be 2.4
+ * to 2.8 times. */
+static void twice_the_digits_take_twice_the_iterations(void **state) {
+  (void)state;
+  for (int s = 0; s < SCENES; s++) {
+    msim_scene *scene = scene_of(s);
+    for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
+      const int64_t half = count_iterations(scene, MSIM_PRECISION_DOUBLE, 1e-6, aggregate),
+                    whole = count_iterations(scene, MSIM_PRECISION_DOUBLE, 1e-12, aggregate);
+      if ((double)whole > 2.2 * (double)half)
+        fail_msg("scene %d: %d iterations, %d with twice the digits", s, (int)half, (int)whole);
+    }
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A stiff cube that swings about an edge: at rounding level, where the true residual no longer
+ * follows that of the recursion, the iteration ends, or starts anew. */
+static void the_rounding_level_is_reached(void **state) {
+  (void)state;
+  static const int32_t edge[] = {0, 1, 2, 3};
+  const double g[3] = {0, 0, -9.81};
+  const msim_lattice cube = {.size = sizeof cube,
+                             .n = {8, 8, 8},
+                             .extent = {1, 1, 1},
+                             .mass = 1,
+                             .k = 1e5,
+                             .npinned = 4,
+                             .pinned = edge};
+  int64_t count[2];
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &cube, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  for (int i = 0; i < 2; i++) {
+    msim_options opt = two_level_in(MSIM_PRECISION_DOUBLE);
+    opt.solver_rtol = i ? 1e-14 : 1e-7;
+    msim_sim *sim = make_two_level_sim(scene, &opt, SIZE);
+    assert_ok(msim_sim_step(sim, 10, err));
+    count[i] = stats_of(sim).iterations;
+    msim_sim_destroy(sim);
+  }
+  assert_true(count[1] <= 3 * count[0]);
+  msim_scene_destroy(scene);
 }
 
 /* A chain of springs of rest length 0 that hangs in one point: with gravity g its motion is g times
@@ -146,9 +193,12 @@ static void any_solver_serves(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(every_tolerance_is_met), cmocka_unit_test(motion_may_be_small),
-      cmocka_unit_test(threads_change_no_bit), cmocka_unit_test(runs_resume_to_the_bit),
-      cmocka_unit_test(any_solver_serves)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(every_tolerance_is_met),
+                                     cmocka_unit_test(twice_the_digits_take_twice_the_iterations),
+                                     cmocka_unit_test(the_rounding_level_is_reached),
+                                     cmocka_unit_test(motion_may_be_small),
+                                     cmocka_unit_test(threads_change_no_bit),
+                                     cmocka_unit_test(runs_resume_to_the_bit),
+                                     cmocka_unit_test(any_solver_serves)};
   return cmocka_run_group_tests_name("single_pcg", tests, NULL, NULL);
 }

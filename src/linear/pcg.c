@@ -251,19 +251,21 @@ static double find_unit(const ms_pcg *s, double size) {
   return ldexp(1, exponent);
 }
 
-/* The recursively updated residual drifts from the true one, and its norm uses D^-1 in single
- * precision. At the goal the iteration restarts from the true residual, until that reaches the goal
- * or is no longer halved. Floats drift soon: there the true residual replaces that of the recursion
- * each time that it has fallen by DROP, while both are near, and the directions go on (van der
- * Vorst and Ye, SIAM J. Sci. Comput. 22 (2000) 835). */
+/* The recursively updated residual drifts from the true one, as the matrix of pcg is rounded, and
+ * vectors of floats are: by some DRIFT of the largest residual since both were equal. Where the
+ * goal is farther away, the true residual replaces that of the recursion each time that it has
+ * fallen by DROP, while both are near, and the directions go on (van der Vorst and Ye, SIAM J. Sci.
+ * Comput. 22 (2000) 835). They start anew where the residuals are apart, as at rounding level,
+ * where directions would grow without bound. The true residual decides, until it is no longer
+ * halved. */
 static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, const double *b,
                              double *y, int64_t *iterations, msim_error *err) {
   (void)err;
-  const double SAFETY = 0.9, DROP = 1e-4;
+  const double SAFETY = 0.9, DROP = 1e-3, NEAR = 1.5;
   ms_pcg *s = (ms_pcg *)base;
-  const int single = base->system->model->single != NULL;
+  const double DRIFT = base->system->model->single ? 1e-4 : 1e-6;
   const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
-  double last = INFINITY;
+  double last = INFINITY, next = 0;
   int64_t count = 0;
   msim_status status = MSIM_OK;
   s->y = y;
@@ -272,9 +274,9 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
   for (const double *left = b;; left = s->z) {
     base->is_verified = base->residual <= goal;
     if (base->is_verified || base->residual > 0.5 * last) break;
+    if (base->residual > NEAR * next) s->rho = 0;
     last = base->residual;
-    if (!single) s->rho = 0;
-    const double next = single ? fmax(SAFETY * goal, DROP * last) : SAFETY * goal;
+    next = goal < DRIFT * last ? DROP * last : SAFETY * goal;
     status = pcg_iterate(s, left, next, target->max_iterations, &count);
     if (status) break;
     base->residual = ms_residual_compute(base->system, b, y, s->z);
