@@ -2,15 +2,12 @@
  * rank keeps is the same as of the whole scene, memory at creation falls with the number of ranks,
  * and a failure of memory or communication is one of all ranks. */
 #define _GNU_SOURCE /* mkdtemp */
-#include <stdatomic.h>
 #include <stdio.h>
 #include <unistd.h>
 
-#include "counting_allocator.h"
 #include "drawn_scenes.h"
-#include "failing_comm.h"
 #include "peak_allocator.h"
-#include "rank_runs.h"
+#include "rank_failures.h"
 #include "scene_part_file.h"
 #include "sim/rank_scene.h"
 
@@ -151,7 +148,8 @@ static void sims_of_parts_are_those_of_the_whole(void **state) {
     else assert_ok(msim_scene_add_plane(scene, &plane, err));
     for (int32_t e = 0; e < s->nsprings && seed % 2; e++)
       s->rest[e] = ms_scene_distance(s->x + 3 * s->ij[2 * e], s->x + 3 * s->ij[2 * e + 1]);
-    const sim_case k = {.method = seed % 7 ? "velocity-verlet" : "rkc",
+    const char *const methods[] = {"rkc", "velocity-verlet", "linearly-implicit-euler"};
+    const sim_case k = {.method = methods[seed % 7 < 2 ? seed % 7 : 1 + seed / 7 % 2],
                         .h = seed % 4 ? 1e-4 : 10,
                         .lacks_rest = seed % 2};
     compare_all_sims(scene, k, seed);
@@ -159,21 +157,22 @@ static void sims_of_parts_are_those_of_the_whole(void **state) {
   }
 }
 
-/* What needs the whole scene: a method or option */
-typedef struct whole_case {
+/* A method or option */
+typedef struct step_case {
   const char *method;
   double h;
   int has_end; /* 1: t_end in place of steps */
-} whole_case;
+} step_case;
 
-/* Both sims gather it, and have the same bits; the part of the file is the first one. */
+/* Sims of parts and of the whole have the same bits; the part of the file is the first one. */
 static const char *compare_steps(msim_comm *comm, void *data) {
-  const whole_case *k = data;
+  const step_case *k = data;
   msim_options opt = options(k->method, k->h);
   msim_error why = {0};
   msim_scene *scenes[2];
   msim_sim *sims[2];
   msim_state at[2];
+  msim_stats made[2];
   opt.comm = comm, opt.threads = 1;
   if (k->has_end) opt.t_end = 0.002, opt.steps = -1, opt.tol = 1e-6;
   EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &scenes[0], &why) == MSIM_OK);
@@ -181,33 +180,56 @@ static const char *compare_steps(msim_comm *comm, void *data) {
   for (int i = 0; i < 2; i++) {
     EXPECT(msim_sim_create(scenes[i], &opt, &sims[i], &why) == MSIM_OK);
     msim_scene_destroy(scenes[i]);
-    const msim_status made =
+    const msim_status status =
         k->has_end ? msim_sim_run(sims[i], NULL, NULL, &why) : msim_sim_step(sims[i], 5, &why);
-    EXPECT(made == MSIM_OK);
-    at[i].size = sizeof at[i];
-    EXPECT(msim_sim_state(sims[i], &at[i]) == MSIM_OK);
+    EXPECT(status == MSIM_OK);
+    at[i].size = sizeof at[i], made[i].size = sizeof made[i];
+    EXPECT(!msim_sim_state(sims[i], &at[i]) && !msim_sim_stats(sims[i], &made[i]));
   }
   EXPECT(at[0].n == at[1].n && at[0].t == at[1].t && has_same_bits(at[0].x, at[1].x, at[0].n));
   EXPECT(has_same_bits(at[0].v, at[1].v, at[0].n));
+  EXPECT(made[0].iterations == made[1].iterations);
+  EXPECT(made[0].newton_iterations == made[1].newton_iterations);
   for (int i = 0; i < 2; i++) msim_sim_destroy(sims[i]);
   return NULL;
 }
 
+static void check_steps(const msim_scene *scene, step_case k) {
+  save(scene);
+  for (int32_t n = 2; n <= 4; n++) {
+    const char *wrong = run_ranks(n, compare_steps, &k);
+    if (wrong) fail_msg("%s, %d ranks: %s", k.method, n, wrong);
+  }
+}
+
 static void other_methods_gather_the_scene(void **state) {
   (void)state;
-  const whole_case cases[] = {
-      {"linearly-implicit-euler", 1e-3, 0}, {"tr-bdf2", 1e-3, 0}, {"rkc", 1e-3, 0},
-
-      {"velocity-verlet", MSIM_H_AUTO, 0},  {"verlet", 1e-3, 0},  {"dop853", 1e-3, 1}};
+  const step_case cases[] = {{"rkc", 1e-3, 0},
+                             {"velocity-verlet", MSIM_H_AUTO, 0},
+                             {"verlet", 1e-3, 0},
+                             {"dop853", 1e-3, 1},
+                             {"tr-bdf2", 1e-3, 1}};
   msim_scene *scene = random_mesh(300, 5, 0.02);
-  save(scene);
-  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-    for (int32_t n = 2; n <= 4; n += 2) {
-      whole_case k = cases[i];
-      const char *wrong = run_ranks(n, compare_steps, &k);
-      if (wrong) fail_msg("%s, %d ranks: %s", k.method, n, wrong);
-    }
+  for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) check_steps(scene, cases[i]);
   msim_scene_destroy(scene);
+}
+
+/* Stiff springs in space and in a plane, for which the modes of ranks matter, and a plane below,
+ * for which the scene is gathered */
+static void implicit_methods_have_the_bits_of_the_whole_scene(void **state) {
+  (void)state;
+  msim_scene *const scenes[] = {random_mesh(300, 5, 0.02), hanging_cloth(24, 20000, 0.01),
+                                hanging_cloth(12, 300, 0), hanging_cloth(12, 300, 0)};
+  const double zero[3] = {0};
+  const msim_plane below = {.normal = {0, 0, 1}, .offset = -1e-3};
+  const char *method;
+  assert_ok(msim_scene_set_gravity(scenes[2], zero, err));
+  assert_ok(msim_scene_add_plane(scenes[3], &below, err));
+  for (int i = 0; i < 4; i++) {
+    for (int32_t m = 0; (method = method_at(m)) != NULL; m++)
+      if (is_implicit(method)) check_steps(scenes[i], (step_case){method, 2e-3, 0});
+    msim_scene_destroy(scenes[i]);
+  }
 }
 
 /* Creation fails as in one process. */
@@ -252,6 +274,7 @@ static void ranks_without_particles(void **state) {
 /*------------------------------------- memory ---------------------------------------------------*/
 
 typedef struct shared_memory {
+  const char *method;
   size_t alone; /* bytes of the sim of one process */
   const ms_scene *scene;
 } shared_memory;
@@ -266,7 +289,7 @@ static const char *measure_creation(msim_comm *comm, void *data) {
                scene = 57 * rows + 32 * springs + 12 * faces, root = 42 * rows + 48 * springs;
   peak_allocator m = {0};
   const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
-  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_options opt = options(of->method, 1e-4);
   msim_error why = {0};
   msim_sim *sim;
   msim_scene *part;
@@ -283,84 +306,55 @@ static const char *measure_creation(msim_comm *comm, void *data) {
   return NULL;
 }
 
-static void creation_falls_with_ranks(void **state) {
-  (void)state;
-  msim_scene *scene = hanging_cloth(150, 100, 0);
-  const msim_options opt = options("velocity-verlet", 1e-4);
+static void check_memory(const msim_scene *scene, const char *method) {
+  msim_options opt = options(method, 1e-4);
   peak_allocator m = {0};
   const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
   msim_scene *alone;
-  save(scene);
+  opt.solver = "pcg";
   assert_ok(msim_scene_load(&alloc, path, &alone, err));
   const size_t loaded = m.live;
   msim_sim *sim = make_sim(alone, &opt);
-  shared_memory of = {m.live - loaded, scene->data};
+  shared_memory of = {method, m.live - loaded, scene->data};
   msim_sim_destroy(sim);
   msim_scene_destroy(alone);
   for (int32_t n = 2; n <= 8; n *= 2) {
     const char *wrong = run_ranks(n, measure_creation, &of);
-    if (wrong) fail_msg("%d ranks: %s", n, wrong);
+    if (wrong) fail_msg("%s, %d ranks: %s", method, n, wrong);
   }
+}
+
+static void creation_falls_with_ranks(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(150, 100, 0);
+  save(scene);
+  check_memory(scene, "velocity-verlet");
+  check_memory(scene, "linearly-implicit-euler");
   msim_scene_destroy(scene);
 }
 
 /*------------------------------------- failures -------------------------------------------------*/
 
-/* The allocation or call `fail_at` of one rank fails while the sim is created. */
-typedef struct failure_case {
-  int32_t rank;
-  int64_t fail_at;
-  int of_calls, lacks_rest;
-  atomic_int succeeded;
-} failure_case;
-
-static const char *check_failure(msim_comm *inner, void *data) {
-  failure_case *k = data;
-  const int fails = inner->rank == k->rank;
-  failing_comm failing = failing_comm_of(inner, fails && k->of_calls ? k->fail_at : -1);
-  const msim_comm *comm = &failing.table;
-  counting_allocator count = {.fail_at = -1};
-  const msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free,
-                                &count};
-  msim_options opt = options("velocity-verlet", 1e-4);
-  msim_error why = {0};
-  msim_energy e = {.size = sizeof e};
-  msim_sim *sim;
-  msim_scene *part;
-  failing.table.self = &failing;
-  opt.comm = comm, opt.threads = 1;
-  EXPECT(msim_scene_load_part(&alloc, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
-  if (k->lacks_rest) forget_rest(part);
-  const int64_t before = count.live;
-  if (fails && !k->of_calls) count.fail_at = count.calls + k->fail_at;
-  const msim_status status = msim_sim_create(part, &opt, &sim, &why);
-  const int64_t made = k->of_calls ? failing.calls : count.calls;
-  const int has_failed = count.fail_at >= 0 ? made > count.fail_at : made > k->fail_at;
-  count.fail_at = -1;
-  EXPECT(!status || status == (k->of_calls ? MSIM_ERR_BACKEND : MSIM_ERR_MEMORY));
-  EXPECT(!sim || k->of_calls || msim_sim_energy(sim, &e) == MSIM_OK);
-  EXPECT(!sim || k->of_calls || msim_sim_step(sim, 2, &why) == MSIM_OK);
-  if (fails && !has_failed) k->succeeded = 1;
-  msim_sim_destroy(sim);
-  EXPECT(count.live == before);
-  msim_scene_destroy(part);
-  return NULL;
+static msim_scene *load_part(const msim_comm *comm, const msim_allocator *alloc, const void *from) {
+  msim_scene *part = NULL;
+  msim_scene_load_part(alloc, path, comm->rank, comm->nranks, &part, NULL);
+  if (part && *(const int *)from) forget_rest(part);
+  return part;
 }
 
 static void failures_of_one_rank_are_those_of_all(void **state) {
   (void)state;
+  const char *const methods[] = {"velocity-verlet", "linearly-implicit-euler"};
   for (unsigned seed = 5; seed < 7; seed++) {
+    const int lacks_rest = seed % 2;
     msim_scene *scene = draw_scene(NULL, seed);
     save(scene);
-    for (int of_calls = 0; of_calls < 2; of_calls++)
-      for (int32_t rank = 0; rank < 3; rank++) {
-        failure_case k = {.rank = rank, .of_calls = of_calls, .lacks_rest = seed % 2};
-        for (; !k.succeeded; k.fail_at++) {
-          const char *wrong = run_ranks(3, check_failure, &k);
-          if (wrong) fail_msg("rank %d, failure %d: %s", rank, (int)k.fail_at, wrong);
-        }
-        assert_true(k.fail_at > (of_calls ? 20 : 60));
-      }
+    for (int i = 0; i < 2; i++)
+      check_rank_failures(&(rank_failures){.load = load_part,
+                                           .from = &lacks_rest,
+                                           .use = msim_sim_create,
+                                           .opt = options(methods[i], 1e-4),
+                                           .least = {60, 20}});
     msim_scene_destroy(scene);
   }
 }
@@ -372,6 +366,7 @@ int main(void) {
       cmocka_unit_test(runs_have_the_bits_of_one_process),
       cmocka_unit_test(sims_of_parts_are_those_of_the_whole),
       cmocka_unit_test(other_methods_gather_the_scene),
+      cmocka_unit_test(implicit_methods_have_the_bits_of_the_whole_scene),
       cmocka_unit_test(the_first_damped_spring_is_refused),
       cmocka_unit_test(ranks_without_particles),
       cmocka_unit_test(creation_falls_with_ranks),

@@ -1,10 +1,8 @@
 /* Tests of what ranks keep of a scene: the whole one is gathered as it was, bit by bit, energies
  * and checkpoints of parts are those of one process, errors name particles and springs by their
  * numbers in the whole scene, and a failure of memory or communication is one of all ranks. */
-#include "counting_allocator.h"
 #include "drawn_scenes.h"
-#include "rank_runs.h"
-#include "failing_comm.h"
+#include "rank_failures.h"
 #include "physics/reference.h"
 #include "sim/rank_scene.h"
 
@@ -229,15 +227,6 @@ static void errors_have_numbers_of_the_whole_scene(void **state) {
 
 /*------------------------------------- failures -------------------------------------------------*/
 
-/* The allocation or call `fail_at` of one rank fails. */
-typedef struct failure_case {
-  unsigned seed;
-  int32_t rank;
-  int64_t fail_at;
-  int of_calls;
-  atomic_int succeeded;
-} failure_case;
-
 /* A sim that is gathered and divided in each way; first failure */
 static msim_status use_parts(const msim_scene *scene, const msim_options *opt, msim_sim **sim,
                              msim_error *why) {
@@ -254,53 +243,20 @@ static msim_status use_parts(const msim_scene *scene, const msim_options *opt, m
   return status ? status : msim_sim_set_gravity(*sim, g, why);
 }
 
-static const char *check_failure(msim_comm *inner, void *data) {
-  failure_case *k = data;
-  const int fails = inner->rank == k->rank;
-  failing_comm failing = failing_comm_of(inner, fails && k->of_calls ? k->fail_at : -1);
-  const msim_comm *comm = &failing.table;
-  counting_allocator count = {.fail_at = -1};
-  msim_allocator alloc = {sizeof alloc, counting_allocator_alloc, counting_allocator_free, &count};
-  msim_scene *scene = draw_scene(&alloc, k->seed);
-  msim_options opt = options("velocity-verlet", 1e-4);
-  msim_sim *sim = NULL;
-  msim_error why = {0};
-  EXPECT(scene);
-  failing.table.self = &failing;
-  opt.comm = comm, opt.threads = 1;
-  const int64_t before = count.live;
-  if (fails && !k->of_calls) count.fail_at = count.calls + k->fail_at;
-  const msim_status status = use_parts(scene, &opt, &sim, &why);
-  const int64_t made = k->of_calls ? failing.calls : count.calls;
-  const int has_failed = count.fail_at >= 0 ? made > count.fail_at : made > k->fail_at;
-  count.fail_at = -1;
-  EXPECT(!status || status == (k->of_calls ? MSIM_ERR_BACKEND : MSIM_ERR_MEMORY));
-  msim_state now = {.size = sizeof now};
-  EXPECT(!sim || k->of_calls || msim_sim_state(sim, &now) == MSIM_OK);
-  EXPECT(!sim || k->of_calls || msim_sim_step(sim, 2, &why) == MSIM_OK);
-  if (fails && !has_failed) k->succeeded = 1;
-  msim_sim_destroy(sim);
-  EXPECT(count.live == before);
-  msim_scene_destroy(scene);
-  return NULL;
-}
-
-static void check_failures(int of_calls, int64_t least) {
-  for (int32_t rank = 0; rank < 3; rank++)
-    for (unsigned seed = 5; seed < 7; seed++) {
-      failure_case k = {.seed = seed, .rank = rank, .of_calls = of_calls};
-      for (; !k.succeeded; k.fail_at++) {
-        const char *wrong = run_ranks(3, check_failure, &k);
-        if (wrong) fail_msg("rank %d, failure %d: %s", rank, (int)k.fail_at, wrong);
-      }
-      assert_true(k.fail_at > least);
-    }
+static msim_scene *draw_on_rank(const msim_comm *comm, const msim_allocator *alloc,
+                                const void *seed) {
+  (void)comm;
+  return draw_scene(alloc, *(const unsigned *)seed);
 }
 
 static void failures_of_one_rank_are_those_of_all(void **state) {
   (void)state;
-  check_failures(0, 150);
-  check_failures(1, 60);
+  for (unsigned seed = 5; seed < 7; seed++)
+    check_rank_failures(&(rank_failures){.load = draw_on_rank,
+                                         .from = &seed,
+                                         .use = use_parts,
+                                         .opt = options("velocity-verlet", 1e-4),
+                                         .least = {150, 60}});
 }
 
 int main(void) {

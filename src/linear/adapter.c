@@ -192,6 +192,7 @@ static msim_status number_ghosts(adapter *self, msim_error *err) {
 static msim_status adapter_connect(ms_linear *base, msim_error *err) {
   adapter *self = (adapter *)base;
   msim_status status = self->matrix.val ? number_ghosts(self, err) : MSIM_OK;
+  if (!status && self->pcg) status = self->pcg->ops->connect(self->pcg, err);
   if (!status)
     status = ms_ranks_agree(base->system->model->shape.ranks, adapter_analyze(self, err), err);
   return status;

@@ -364,8 +364,11 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
                    MS_NEW(alloc, s->inverse, blocks) &&
                    MS_NEW(alloc, s->factored_inverse, blocks) && MS_NEW(alloc, s->inertia, rows) &&
                    MS_NEW(alloc, s->sums, ms_pool_count_chunks(model->half_edges.nslices, CHUNK));
-  if (!fits) return ms_error_set_memory(err, "conjugate gradients");
-  return ms_rank_modes_create(model, &s->modes, err);
+  return fits ? MSIM_OK : ms_error_set_memory(err, "conjugate gradients");
+}
+
+static msim_status pcg_connect(ms_linear *base, msim_error *err) {
+  return ms_rank_modes_create(base->system->model, &((ms_pcg *)base)->modes, err);
 }
 
 /* The vectors of iterations, whose content factor() may overwrite. They lie in the memory in which
@@ -416,7 +419,8 @@ static void restart(ms_linear *base) { ((ms_pcg *)base)->coarse_is_ready = 0; }
 
 msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *opt,
                           ms_coarse_size size, ms_linear **linear, msim_error *err) {
-  static const ms_linear_ops ops = {.factor = pcg_factor,
+  static const ms_linear_ops ops = {.connect = pcg_connect,
+                                    .factor = pcg_factor,
                                     .solve = pcg_solve,
                                     .prepare_descent = pcg_prepare_descent,
                                     .descend = pcg_descend,

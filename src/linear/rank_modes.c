@@ -17,24 +17,24 @@ static const ms_rank_modes_kernels *kernels_of(const ms_rank_modes *q) {
 
 /*------------------------------------- creation -------------------------------------------------*/
 
-/* The box of the unknowns of a rank in the scene */
+/* What ranks tell each other: the box of their unknowns in the scene, and the number of ranks that
+ * springs join with them */
 typedef struct frame {
   double low[3], high[3];
+  int64_t nneighbours;
 } frame;
 
-static void measure_frames(const ms_model *model, frame *frames) {
-  const ms_scene *s = model->scene;
-  const ms_rank_part *part = model->rank_model->part;
-  for (int32_t r = 0; r < part->ranks->n; r++)
-    for (int c = 0; c < 3; c++) frames[r].low[c] = INFINITY, frames[r].high[c] = -INFINITY;
-  for (int32_t p = 0; p < s->nparticles; p++) {
-    if (part->owner[p] < 0) continue;
-    frame *f = &frames[part->owner[p]];
-    for (int c = 0; c < 3; c++) {
-      f->low[c] = fmin(f->low[c], s->x[3 * (size_t)p + (size_t)c]);
-      f->high[c] = fmax(f->high[c], s->x[3 * (size_t)p + (size_t)c]);
+static frame measure_frame(const ms_model *model) {
+  const ms_unknowns *rows = &model->unknowns;
+  frame f = {{INFINITY, INFINITY, INFINITY},
+             {-INFINITY, -INFINITY, -INFINITY},
+             model->rank_model->halo->n};
+  for (int32_t r = 0; r < rows->nfree; r++)
+    for (size_t c = 0; c < 3; c++) {
+      const double x = model->scene->x[3 * (size_t)rows->particle[r] + c];
+      f.low[c] = fmin(f.low[c], x), f.high[c] = fmax(f.high[c], x);
     }
-  }
+  return f;
 }
 
 static void set_weights(ms_rank_modes *q, const frame *frames) {
@@ -55,57 +55,24 @@ static void set_weights(ms_rank_modes *q, const frame *frames) {
   }
 }
 
-static int create_weights(ms_rank_modes *q) {
-  const msim_allocator *alloc = &q->model->scene->alloc;
-  const size_t rows = (size_t)q->model->unknowns.first_fixed;
-  frame *frames = NULL;
-  const int fits = MS_NEW(alloc, q->rank, rows) &&
-                   MS_NEW(alloc, q->weight, MS_RANK_WEIGHTS * rows) &&
-                   MS_NEW(alloc, frames, q->model->shape.ranks->n);
-  if (fits) {
-    measure_frames(q->model, frames);
-    set_weights(q, frames);
-  }
-  ms_memory_free(alloc, frames);
-  return fits;
-}
-
 /*------------------------------------- pattern --------------------------------------------------*/
 
-/* linked: a byte for each pair of ranks; 1: a spring or angular spring of the scene joins them. */
-static void mark_links(const ms_model *model, uint8_t *linked) {
-  const ms_scene *s = model->scene;
-  const int32_t *owner = model->rank_model->part->owner;
-  const size_t n = (size_t)model->shape.ranks->n;
-  const struct {
-    const int32_t *end;
-    int32_t count, ends;
-  } of[] = {{s->ij, s->nsprings, 2}, {s->angles.ijk, s->angles.n, 3}};
-  for (int i = 0; i < 2; i++)
-    for (int32_t e = 0; e < of[i].count; e++)
-      for (int32_t c = 0; c < of[i].ends * of[i].ends; c++) {
-        const int32_t *end = of[i].end + (size_t)of[i].ends * (size_t)e;
-        const int32_t p = owner[end[c / of[i].ends]], r = owner[end[c % of[i].ends]];
-        if (p >= 0 && r >= 0 && p != r) linked[n * (size_t)p + (size_t)r] = 1;
-      }
+/* Room for the list of neighbours of each rank */
+static int create_graph(const ms_rank_modes *q, const frame *frames, ms_sparse_graph *graph) {
+  const msim_allocator *alloc = &q->model->scene->alloc;
+  const int32_t n = graph->n = q->model->shape.ranks->n;
+  if (!MS_NEW(alloc, graph->ptr, (size_t)n + 1)) return 0;
+  for (int32_t r = 0; r < n; r++) {
+    q->bytes[r] = frames[r].nneighbours * (int64_t)sizeof *graph->ind;
+    graph->ptr[r + 1] = graph->ptr[r] + (int32_t)frames[r].nneighbours;
+  }
+  return MS_NEW(alloc, graph->ind, graph->ptr[n]) != NULL;
 }
 
-static int create_graph(const ms_model *model, ms_sparse_graph *graph) {
-  const msim_allocator *alloc = &model->scene->alloc;
-  const int32_t n = graph->n = model->shape.ranks->n;
-  const size_t pairs = (size_t)n * (size_t)n;
-  uint8_t *linked = NULL;
-  int32_t links = 0;
-  int fits = MS_NEW(alloc, linked, pairs) && MS_NEW(alloc, graph->ptr, (size_t)n + 1);
-  if (fits) mark_links(model, linked);
-  for (size_t at = 0; at < pairs && fits; at++) links += linked[at];
-  fits = fits && MS_NEW(alloc, graph->ind, links);
-  for (size_t at = 0, next = 0; at < pairs && fits; at++) {
-    if (linked[at]) graph->ind[next++] = (int32_t)(at % (size_t)n);
-    graph->ptr[at / (size_t)n + 1] = (int32_t)next;
-  }
-  ms_memory_free(alloc, linked);
-  return fits;
+static void gather_graph(const ms_rank_modes *q, int32_t *own, const ms_sparse_graph *graph) {
+  const ms_halo *halo = q->model->rank_model->halo;
+  for (int32_t k = 0; k < halo->n; k++) own[k] = halo->messages[k].rank;
+  ms_ranks_gather_parts(halo->ranks, q->bytes, own, graph->ind);
 }
 
 /* Block (r, c) is sent by the one of both ranks whose row it is in the lower triangle. */
@@ -128,37 +95,56 @@ static void list_blocks(const ms_sparse_graph *graph, ms_rank_modes *q) {
   }
 }
 
-/* Each pair of linked ranks has one block in the messages, and each rank one on the diagonal. */
-static msim_status create_matrix(ms_rank_modes *q, msim_error *err) {
+/* Each pair of neighbours has one block in the messages, and each rank one on the diagonal. */
+static int create_matrix(const ms_sparse_graph *graph, ms_rank_modes *q) {
   const msim_allocator *alloc = &q->model->scene->alloc;
-  const size_t block = q->model->unknowns.dims == 3 ? 12 : 8;
-  ms_sparse_graph graph = {0};
-  msim_status status = create_graph(q->model, &graph) ? MSIM_OK : MSIM_ERR_MEMORY;
-  if (!status)
-    status = ms_block_cholesky_create(alloc, &graph, (int32_t)block, q->model->isa, &q->chol, err);
-  const size_t n = (size_t)graph.n, blocks = status ? 0 : n + (size_t)graph.ptr[n] / 2;
-  const size_t own = status ? 0
-                            : 1 + (size_t)(graph.ptr[q->model->shape.ranks->rank + 1] -
-                                           graph.ptr[q->model->shape.ranks->rank]);
-  if (!status && MS_NEW(alloc, q->index, n) && MS_NEW(alloc, q->bytes, n) &&
-      MS_NEW(alloc, q->place, blocks) && MS_NEW(alloc, q->own, own * block * block) &&
-      MS_NEW(alloc, q->all, blocks * block * block) &&
+  const size_t block = q->model->unknowns.dims == 3 ? 12 : 8, n = (size_t)graph->n,
+               blocks = n + (size_t)graph->ptr[n] / 2,
+               own = 1 + (size_t)q->model->rank_model->halo->n;
+  const int fits =
+      !ms_block_cholesky_create(alloc, graph, (int32_t)block, q->model->isa, &q->chol, NULL) &&
+      MS_NEW(alloc, q->index, n) && MS_NEW(alloc, q->place, blocks) &&
+      MS_NEW(alloc, q->own, own * block * block) && MS_NEW(alloc, q->all, blocks * block * block) &&
       MS_NEW(alloc, q->message, PRODUCTS + block) &&
       MS_NEW(alloc, q->messages, n * (PRODUCTS + block)) && MS_NEW(alloc, q->z, n * block) &&
-      (graph.n <= MS_RANK_MODES_FACTOR || MS_NEW(alloc, q->inverse, n * block * block)))
-    list_blocks(&graph, q);
-  else status = ms_error_set_memory(err, "the modes of the ranks");
-  MS_FREE(alloc, graph.ptr, graph.ind);
-  return status;
+      (graph->n <= MS_RANK_MODES_FACTOR || MS_NEW(alloc, q->inverse, n * block * block));
+  if (fits) list_blocks(graph, q);
+  return fits;
+}
+
+/* Room for what ranks tell each other */
+static int create_rows(ms_rank_modes *q, frame **frames, int32_t **own) {
+  const msim_allocator *alloc = &q->model->scene->alloc;
+  const size_t rows = (size_t)q->model->unknowns.first_fixed, n = (size_t)q->model->shape.ranks->n;
+  return MS_NEW(alloc, q->rank, rows) && MS_NEW(alloc, q->weight, MS_RANK_WEIGHTS * rows) &&
+         MS_NEW(alloc, q->bytes, n) && MS_NEW(alloc, *frames, n) &&
+         MS_NEW(alloc, *own, q->model->rank_model->halo->n);
 }
 
 msim_status ms_rank_modes_create(const ms_model *model, ms_rank_modes **modes, msim_error *err) {
-  *modes = NULL;
-  if (!model->shape.ranks) return MSIM_OK;
-  ms_rank_modes *q = *modes = ms_memory_allocate(&model->scene->alloc, 1, sizeof *q);
+  static const char WHAT[] = "the modes of the ranks";
+  const msim_allocator *alloc = &model->scene->alloc;
+  ms_ranks *ranks = model->shape.ranks;
+  ms_sparse_graph graph = {0};
+  frame *frames = NULL;
+  int32_t *own = NULL;
+  ms_rank_modes *q = *modes = ms_memory_allocate(alloc, 1, sizeof *q);
   if (q) q->model = model;
-  if (!q || !create_weights(q)) return ms_error_set_memory(err, "the modes of the ranks");
-  return create_matrix(q, err);
+  msim_status status =
+      ms_ranks_agree_on_memory(ranks, q && create_rows(q, &frames, &own), WHAT, err);
+  if (!status) {
+    const frame f = measure_frame(model);
+    ms_ranks_gather(ranks, sizeof f, &f, frames);
+    status = ms_ranks_agree_on_memory(ranks, ranks->failed || create_graph(q, frames, &graph), WHAT,
+                                      err);
+  }
+  if (!status) {
+    set_weights(q, frames);
+    gather_graph(q, own, &graph);
+    status = ms_ranks_agree_on_memory(ranks, ranks->failed || create_matrix(&graph, q), WHAT, err);
+  }
+  MS_FREE(alloc, graph.ptr, graph.ind, frames, own);
+  return status;
 }
 
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *q) {

@@ -32,7 +32,8 @@ typedef struct ms_rank_modes {
   int is_ready;               /* 1: factored */
 } ms_rank_modes;
 
-/* NULL in one process. After an error it may be there, and must be destroyed. */
+/* Collective, with the same status on all ranks: each knows its own unknowns and ghosts. After an
+ * error it may be there, and must be destroyed. */
 msim_status ms_rank_modes_create(const ms_model *model, ms_rank_modes **modes, msim_error *err);
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *modes);
 

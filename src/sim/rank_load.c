@@ -67,14 +67,15 @@ static msim_status gather_parts(const msim_scene *scene, ms_ranks *ranks, ms_sce
 /*------------------------------------- parts ----------------------------------------------------*/
 
 /* Methods and scenes of which no rank needs more than its part: bounds of the whole scene, errors,
- * and other variables than x and v need it. */
+ * contact sets, and other variables than x and v need it. */
 static int may_distribute(const msim_options *opt, const ms_scene *s) {
   const ms_integrator *method;
   if (!opt->integrator || strcmp(opt->integrator, MS_AUTO) == 0 ||
       ms_methods_find(opt->integrator, &method, NULL))
     return 0;
-  if (method->entry.implicit || method->is_multirate || method->convert_state || method->sync ||
-      method->stages || (method->chooses_steps && opt->steps < 0))
+  if ((method->entry.implicit && ms_scene_has_obstacles(s)) || method->is_multirate ||
+      method->convert_state || method->sync || method->stages ||
+      (method->chooses_steps && opt->steps < 0))
     return 0;
   return opt->tol == 0 && opt->h != MSIM_H_AUTO && opt->collision != MSIM_COLLISION_EVENT &&
          opt->precision != MSIM_PRECISION_SINGLE && !ms_scene_has_self_contact(s) &&
