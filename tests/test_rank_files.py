@@ -194,6 +194,18 @@ class Parts(RankFiles):
         self.record(3, options, "2.vtkhdf", "--resume")
         self.assertEqual(self.read("2.vtkhdf"), before)
 
+    def test_resume_under_another_number_of_ranks(self):
+        """The last frame is lost, and computed again."""
+        options = "--integrator velocity-verlet --h 2e-4 --steps 100 --every 20"
+        self.record(1, options, "whole.vtkhdf")
+        for n, m in (1, 2), (1, 3), (2, 1), (2, 3), (3, 1), (3, 2):
+            self.record(n, options, "out.vtkhdf", "--force")
+            with h5py.File(self.folder / "out.vtkhdf", "a") as file:
+                file["msim/frames/NCommitted"][0] -= 1
+                file["VTKHDF/Points"][-1] = 0
+            self.record(m, options, "out.vtkhdf", "--resume")
+            self.assert_same_frames("whole.vtkhdf", "out.vtkhdf")
+
     def test_springs_without_rest(self):
         """Their lengths are between particles of both ranks; one that is not finite is named."""
         options = "--integrator velocity-verlet --h 2e-4 --steps 50 --every 10"

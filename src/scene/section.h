@@ -44,16 +44,6 @@ static inline int64_t ms_section_count_cells(const ms_section *s) {
   return (int64_t)s->nsprings + s->nfaces;
 }
 
-/* Mark the other particles. mark: nparticles, 0 at first; with_pins: 1 for all pinned particles,
- * too, and the ends of springs and angular springs at them */
-void ms_section_mark_others(const ms_scene *scene, const ms_section *section, int with_pins,
-                            uint8_t *mark);
-
-/* Mark the other springs: those between corners of its faces, and with_pins those at pinned
- * particles. mark: nsprings, corner: nparticles, both 0 at first */
-void ms_section_mark_other_springs(const ms_scene *scene, const ms_section *section, int with_pins,
-                                   uint8_t *mark, uint8_t *corner);
-
 /* The index of a number in an ascending list that has it */
 static inline int32_t ms_section_search(int32_t n, const int32_t *list, int32_t number) {
   int32_t low = 0, high = n;

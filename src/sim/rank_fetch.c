@@ -7,10 +7,8 @@ static const msim_allocator *alloc_of(const ms_rank_fetch *f) { return &f->slice
 
 /* The first element of a rank's slice */
 static int64_t slice_begin(const ms_rank_scene *s, ms_element of, int32_t rank, int32_t nranks) {
-  const ms_scene whole = {
-      .nparticles = s->nparticles, .nsprings = s->nsprings, .nfaces = s->nfaces};
   if (rank == nranks) return of == MS_PARTICLES ? s->nparticles : s->nsprings;
-  const ms_section is = ms_section_of_rank(&whole, rank, nranks);
+  const ms_section is = ms_rank_scene_section(s, rank, nranks);
   return of == MS_PARTICLES ? is.first : is.first_spring;
 }
 

@@ -29,12 +29,10 @@ static const void *number_ends(const ms_rank_scene *kept, const ms_field *f, int
 
 void ms_rank_gather_field(ms_ranks *ranks, const ms_rank_scene *kept, int32_t root,
                           const ms_field *f, int32_t *scratch, void *all) {
-  const ms_scene whole = {
-      .nparticles = kept->nparticles, .nsprings = kept->nsprings, .nfaces = kept->nfaces};
   const int32_t n = ranks->n, rank = ranks->rank;
   const void *mine = number_ends(kept, f, scratch);
   for (int32_t r = 0; r < n; r++) {
-    const ms_section s = ms_section_of_rank(&whole, r, n);
+    const ms_section s = ms_rank_scene_section(kept, r, n);
     const int64_t bytes = count_elements(&s, f->of) * (int64_t)f->size;
     kept->receive_bytes[r] = root == MS_ALL_RANKS || rank == root ? bytes : 0;
     kept->lengths[r] = bytes;
@@ -47,7 +45,7 @@ void ms_rank_gather_field(ms_ranks *ranks, const ms_rank_scene *kept, int32_t ro
   ms_ranks_all_to_all(ranks, kept->send_bytes, mine, kept->receive_bytes, all);
 }
 
-msim_status ms_rank_gather_fields(ms_ranks *ranks, const ms_rank_scene *kept, int32_t root, int n,
+msim_status ms_rank_gather_fields(ms_ranks *ranks, const ms_rank_scene *kept, int32_t root,
                                   ms_scene *to, int fits, msim_error *err) {
   const msim_allocator *alloc = &kept->slice->alloc;
   const int64_t ends = 2 * (int64_t)kept->is.nsprings, corners = 3 * (int64_t)kept->is.nfaces;
@@ -59,7 +57,7 @@ msim_status ms_rank_gather_fields(ms_ranks *ranks, const ms_rank_scene *kept, in
   if (!status) {
     const int count = ms_rank_gather_list(kept->slice, mine);
     ms_rank_gather_list(to, all);
-    for (int i = 0; i < n && i < count; i++)
+    for (int i = 0; i < count; i++)
       ms_rank_gather_field(ranks, kept, root, &mine[i], scratch, all[i].data);
     status = ms_ranks_agree(ranks, MSIM_OK, err);
   }

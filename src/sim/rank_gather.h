@@ -5,7 +5,7 @@
 #include "base/ranks.h"
 #include "sim/rank_scene.h"
 
-enum { MS_ALL_RANKS = -1, MS_TOPOLOGY_FIELDS = 3, MS_MOST_FIELDS = 10 };
+enum { MS_ALL_RANKS = -1, MS_MOST_FIELDS = 10 };
 
 /* An array of a scene */
 typedef enum ms_element { MS_PARTICLES, MS_SPRINGS, MS_FACES } ms_element;
@@ -16,8 +16,7 @@ typedef struct ms_field {
   int has_numbers; /* of particles */
 } ms_field;
 
-/* The same ones for a slice and the whole scene, the topology first: ij, faces, pinned; returns
- * their number. */
+/* The same ones for a slice and the whole scene; returns their number. */
 int ms_rank_gather_list(const ms_scene *scene, ms_field fields[MS_MOST_FIELDS]);
 
 /* The sections of an array of all ranks, to all of them or to one. scratch: room for the ends of
@@ -25,9 +24,9 @@ int ms_rank_gather_list(const ms_scene *scene, ms_field fields[MS_MOST_FIELDS]);
 void ms_rank_gather_field(ms_ranks *ranks, const ms_rank_scene *kept, int32_t root,
                           const ms_field *field, int32_t *scratch, void *all);
 
-/* Of the first n fields, to a scene that has the counts of the whole one, and on `root` room for
+/* Of all fields, to a scene that has the counts of the whole one, and on `root` room for
  * them, if `fits`. Collective */
-msim_status ms_rank_gather_fields(ms_ranks *ranks, const ms_rank_scene *kept, int32_t root, int n,
+msim_status ms_rank_gather_fields(ms_ranks *ranks, const ms_rank_scene *kept, int32_t root,
                                   ms_scene *to, int fits, msim_error *err);
 
 #endif

@@ -58,8 +58,7 @@ static msim_status gather_parts(const msim_scene *scene, ms_ranks *ranks, ms_sce
   ms_scene *s = *whole =
       ms_scene_data_create_like(scene->data, part->nparticles, part->nsprings, part->nfaces, NULL);
   msim_status status = ms_ranks_agree_on_memory(ranks, parts && s, "the whole scene", err);
-  if (!status)
-    status = ms_rank_gather_fields(ranks, parts, MS_ALL_RANKS, MS_MOST_FIELDS, s, 1, err);
+  if (!status) status = ms_rank_gather_fields(ranks, parts, MS_ALL_RANKS, s, 1, err);
   ms_rank_scene_destroy(alloc, parts);
   return status;
 }

@@ -4,7 +4,7 @@
 
 #include "layout/rank_order.h"
 #include "scene/scene_data.h"
-#include "sim/rank_gather.h"
+#include "sim/rank_fetch.h"
 #include "sim/rank_section.h"
 #include "sim/reuse.h"
 
@@ -216,8 +216,7 @@ msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err) {
   if (!kept) return MSIM_OK;
   ms_scene *whole = create_whole(kept);
   const int fits = whole && ms_rank_part_provide_whole(whole, sim->part);
-  msim_status status =
-      ms_rank_gather_fields(sim->ranks, kept, MS_ALL_RANKS, MS_MOST_FIELDS, whole, fits, err);
+  msim_status status = ms_rank_gather_fields(sim->ranks, kept, MS_ALL_RANKS, whole, fits, err);
   if (!status) {
     gather_owners(sim, sim->part->owner);
     status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
@@ -240,7 +239,7 @@ msim_status ms_rank_scene_borrow(const msim_sim *sim, ms_scene **whole, msim_err
   if (!kept) return MSIM_OK;
   *whole = sim->ranks->rank == 0 ? create_whole(kept) : create_counts(kept);
   const msim_status status =
-      ms_rank_gather_fields(sim->ranks, kept, 0, MS_MOST_FIELDS, *whole, *whole != NULL, err);
+      ms_rank_gather_fields(sim->ranks, kept, 0, *whole, *whole != NULL, err);
   if (!status) move_source(kept->slice, *whole);
   return status;
 }
@@ -252,85 +251,62 @@ void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole) {
 
 /*------------------------------------- other rows -----------------------------------------------*/
 
-msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topology,
-                                          msim_error *err) {
+msim_status ms_rank_scene_find_owners(const msim_sim *sim, const ms_section *is, int32_t *owner,
+                                      msim_error *err) {
   const ms_rank_scene *kept = sim->kept;
-  if (!kept) *topology = ms_scene_retain(sim->scene);
+  const int32_t *of = kept ? kept->owner - is->first : sim->part->owner;
+  ms_rank_fetch f = {0};
+  for (int32_t i = 0; i < is->n; i++) owner[i] = of[is->first + i];
+  for (int32_t i = 0; i < is->nothers && !kept; i++) owner[is->n + i] = of[is->other[i]];
   if (!kept) return MSIM_OK;
-  ms_scene *s = *topology = create_counts(kept);
-  const int fits = s && MS_NEW(&s->alloc, s->ij, 2 * (size_t)kept->nsprings) &&
-                   MS_NEW(&s->alloc, s->faces, 3 * (size_t)kept->nfaces) &&
-                   MS_NEW(&s->alloc, s->pinned, kept->nparticles);
-  return ms_rank_gather_fields(sim->ranks, kept, MS_ALL_RANKS, MS_TOPOLOGY_FIELDS, s, fits, err);
+  msim_status status =
+      ms_rank_fetch_create(sim->ranks, kept, MS_PARTICLES, is->nothers, is->other, &f, err);
+  if (!status) ms_rank_fetch_rows(&f, sizeof *owner, kept->owner, owner + is->n);
+  ms_rank_fetch_destroy(&f);
+  return status ? status : ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
 
-msim_status ms_rank_scene_gather_owners(const msim_sim *sim, int32_t **owner, msim_error *err) {
-  *owner = sim->part->owner;
-  if (!sim->kept) return MSIM_OK;
-  const int fits = MS_NEW(&sim->alloc, *owner, sim->kept->nparticles) != NULL;
-  const msim_status status = ms_ranks_agree(
-      sim->ranks, fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame"), err);
-  if (status) return status;
-  gather_owners(sim, *owner);
-  return ms_ranks_agree(sim->ranks, MSIM_OK, err);
-}
-
-void ms_rank_scene_free_owners(const msim_sim *sim, int32_t *owner) {
-  if (sim->kept) ms_memory_free(&sim->alloc, owner);
-}
-
-/* What the section has of an array of the whole scene */
-static void pick_rows(const ms_section *is, const ms_field *f, const unsigned char *all,
-                      int32_t n) {
-  unsigned char *to = f->data;
-  for (int32_t i = 0; i < n; i++) {
-    const int32_t from =
-        f->of == MS_PARTICLES ? ms_section_particle(is, (size_t)i) : ms_section_spring(is, i);
-    memcpy(to + (size_t)i * f->size, all + (size_t)from * f->size, f->size);
+/* Behind the n own particles or springs of a new slice come others, of these numbers. */
+static msim_status fetch_others(const msim_sim *sim, ms_element of, int32_t n, int32_t nothers,
+                                const int32_t *number, ms_scene *slice, msim_error *err) {
+  ms_field from[MS_MOST_FIELDS], to[MS_MOST_FIELDS];
+  ms_rank_fetch f = {0};
+  const int count = ms_rank_gather_list(sim->kept->slice, from);
+  ms_rank_gather_list(slice, to);
+  const msim_status status =
+      ms_rank_fetch_create(sim->ranks, sim->kept, of, nothers, number, &f, err);
+  for (int i = 0; i < count && !status; i++) {
+    const size_t bytes = (size_t)n * to[i].size;
+    if (to[i].of != of) continue;
+    memcpy(to[i].data, from[i].data, bytes);
+    ms_rank_fetch_rows(&f, to[i].size, from[i].data, (char *)to[i].data + bytes);
   }
+  ms_rank_fetch_destroy(&f);
+  return status ? status : ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
 
 static void number_rows(const ms_section *is, int64_t n, int32_t *end) {
   for (int64_t i = 0; i < n; i++) end[i] = (int32_t)ms_section_row(is, end[i]);
 }
 
-/* all: room for any array of the whole scene */
-static void fill_rows(const msim_sim *sim, const ms_section *is, unsigned char *all,
-                      ms_scene *slice) {
-  const ms_rank_scene *kept = sim->kept;
-  ms_field mine[MS_MOST_FIELDS], to[MS_MOST_FIELDS];
-  const int count = ms_rank_gather_list(kept->slice, mine);
-  ms_rank_gather_list(slice, to);
-  for (int i = 0; i < count; i++) {
-    if (mine[i].of == MS_FACES) continue;
-    ms_rank_gather_field(sim->ranks, kept, MS_ALL_RANKS, &mine[i], NULL, all);
-    pick_rows(is, &to[i], all, to[i].of == MS_PARTICLES ? slice->nparticles : slice->nsprings);
-  }
-  if (slice->nfaces) memcpy(slice->faces, kept->slice->faces, 3 * (size_t)slice->nfaces * 4);
-  number_rows(is, 3 * (int64_t)slice->nfaces, slice->faces);
-  number_rows(is, 2 * (int64_t)slice->nsprings, slice->ij);
-}
-
 msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *is, msim_error *err) {
   ms_rank_scene *kept = sim->kept;
   if (!kept) return MSIM_OK;
-  unsigned char *all = NULL;
-  const size_t particles = 3 * sizeof(double) * (size_t)kept->nparticles,
-               springs = 2 * sizeof(int32_t) * (size_t)kept->nsprings;
   ms_scene *slice = ms_scene_data_create_like(kept->slice, is->n + is->nothers,
                                               is->nsprings + is->nother_springs, is->nfaces, NULL);
-  const int fits = slice && MS_NEW(&sim->alloc, all, particles > springs ? particles : springs);
-  msim_status status = fits ? MSIM_OK : ms_error_set_memory(err, "the rows of a frame");
-  status = ms_ranks_agree(sim->ranks, status, err);
-  if (!status) {
-    fill_rows(sim, is, all, slice);
-    status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
-  }
-  ms_memory_free(&sim->alloc, all);
+  msim_status status =
+      ms_ranks_agree_on_memory(sim->ranks, slice != NULL, "the rows of a frame", err);
+  if (!status) status = fetch_others(sim, MS_PARTICLES, is->n, is->nothers, is->other, slice, err);
+  if (!status)
+    status = fetch_others(sim, MS_SPRINGS, is->nsprings, is->nother_springs, is->other_spring,
+                          slice, err);
   if (status) {
     ms_scene_release(slice);
     return status;
   }
+  if (slice->nfaces) memcpy(slice->faces, kept->slice->faces, 3 * (size_t)slice->nfaces * 4);
+  number_rows(is, 3 * (int64_t)slice->nfaces, slice->faces);
+  number_rows(is, 2 * (int64_t)slice->nsprings, slice->ij);
   move_source(kept->slice, slice);
   ms_scene_release(kept->slice);
   set_rows(kept, slice, is);

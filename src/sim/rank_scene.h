@@ -45,15 +45,10 @@ msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err);
 msim_status ms_rank_scene_borrow(const msim_sim *sim, ms_scene **whole, msim_error *err);
 void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole);
 
-/* The whole scene with ij, faces and pins only, on all ranks; to be released, also after an error.
- * Collective */
-msim_status ms_rank_scene_gather_topology(const msim_sim *sim, ms_scene **topology,
-                                          msim_error *err);
-
-/* The owner of each particle of the whole scene: those of sim->part, or else a copy to be freed by
- * ms_rank_scene_free_owners, also after an error. Collective */
-msim_status ms_rank_scene_gather_owners(const msim_sim *sim, int32_t **owner, msim_error *err);
-void ms_rank_scene_free_owners(const msim_sim *sim, int32_t *owner);
+/* The owner of each particle of a section, in the order of its rows. Collective, with the same
+ * status on all ranks */
+msim_status ms_rank_scene_find_owners(const msim_sim *sim, const ms_section *section,
+                                      int32_t *owner, msim_error *err);
 
 /* Let the slice have the other particles and springs of a section, too. Collective; on failure
  * nothing changes. */
@@ -61,6 +56,14 @@ msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *section, msim_
 
 /* Free x and v of other rows, of which the section has copies. */
 void ms_rank_scene_trim(msim_sim *sim);
+
+/* The section of a rank */
+static inline ms_section ms_rank_scene_section(const ms_rank_scene *kept, int32_t rank,
+                                               int32_t nranks) {
+  const ms_scene counts = {
+      .nparticles = kept->nparticles, .nsprings = kept->nsprings, .nfaces = kept->nfaces};
+  return ms_section_of_rank(&counts, rank, nranks);
+}
 
 /* Of the whole scene, and the number in it of a particle or spring of the model */
 static inline int32_t ms_rank_scene_count_particles(const msim_sim *sim) {
@@ -71,6 +74,11 @@ static inline int32_t ms_rank_scene_count_springs(const msim_sim *sim) {
 }
 static inline int32_t ms_rank_scene_get_particle(const msim_sim *sim, int32_t p) {
   return sim->kept && p >= 0 ? sim->kept->particle[p] : p;
+}
+/* The particle of the model that has a number in the whole scene */
+static inline int32_t ms_rank_scene_find_particle(const msim_sim *sim, int32_t number) {
+  if (!sim->kept) return number;
+  return ms_section_search(sim->scene->nparticles, sim->kept->particle, number);
 }
 static inline int32_t ms_rank_scene_get_spring(const msim_sim *sim, int32_t e) {
   return sim->kept && e >= 0 ? sim->kept->spring[e] : e;

@@ -1,8 +1,7 @@
 #include "sim/rank_section.h"
 
 #include "physics/energy.h"
-
-enum { NONE = -1 };
+#include "sim/rank_others.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
 
@@ -11,58 +10,16 @@ typedef struct requests {
   int64_t *nin, *nout;           /* nranks: particles wanted from each rank, and by it */
   int64_t *in_bytes, *out_bytes; /* nranks: scratch */
   int64_t *in, *out;             /* their numbers, by rank */
-  int32_t *owner;                /* of each particle of the scene */
 } requests;
 
 static int32_t count_rows(const ms_rank_section *s) { return s->is.n + s->is.nothers; }
 
-/* Those of n that are marked: *count of them */
-static int list_marked(const msim_allocator *alloc, int32_t n, const uint8_t *mark, int32_t *count,
-                       int32_t **list) {
-  int32_t k = 0;
-  for (int32_t i = 0; i < n; i++) *count += mark[i];
-  if (!MS_NEW(alloc, *list, *count)) return 0;
-  for (int32_t i = 0; i < n; i++)
-    if (mark[i]) (*list)[k++] = i;
-  return 1;
-}
-
-/* Only the first rank writes reactions. */
-static int list_others(const msim_sim *sim, const ms_scene *scene, ms_rank_section *s) {
-  const msim_allocator *alloc = &sim->alloc;
-  const int with_pins = sim->ranks->rank == 0;
-  uint8_t *mark = NULL, *mark_spring = NULL, *corner = NULL;
-  int fits = MS_NEW(alloc, mark, scene->nparticles) != NULL;
-  if (fits) ms_section_mark_others(scene, &s->is, with_pins, mark);
-  fits = fits && list_marked(alloc, scene->nparticles, mark, &s->is.nothers, &s->other) &&
-         MS_NEW(alloc, corner, scene->nparticles) && MS_NEW(alloc, mark_spring, scene->nsprings);
-  if (fits) ms_section_mark_other_springs(scene, &s->is, with_pins, mark_spring, corner);
-  fits = fits &&
-         list_marked(alloc, scene->nsprings, mark_spring, &s->is.nother_springs, &s->other_spring);
-  s->is.other = s->other, s->is.other_spring = s->other_spring;
-  MS_FREE(alloc, mark, mark_spring, corner);
-  return fits;
-}
-
-/* Sort the rows of free particles by their owners. */
-static int sort_rows(const msim_sim *sim, const int32_t *owner, ms_rank_section *s) {
-  const int32_t n = count_rows(s);
-  int32_t *of;
-  if (!MS_NEW(&sim->alloc, of, n)) return 0;
-  for (int32_t i = 0; i < n; i++)
-    of[i] = owner[ms_section_particle(&s->is, (size_t)i)]; /* MS_NO_OWNER: none */
-  const int fits = ms_buckets_create(&sim->alloc, n, of, sim->ranks->n, &s->in);
-  ms_memory_free(&sim->alloc, of);
-  return fits;
-}
-
-static int list_wanted(const msim_sim *sim, const ms_scene *scene, ms_rank_section *s,
-                       requests *q) {
+static int list_wanted(const msim_sim *sim, const int32_t *owner, ms_rank_section *s, requests *q) {
   const msim_allocator *alloc = &sim->alloc;
   const size_t n = (size_t)sim->ranks->n;
-  s->is = ms_section_of_rank(scene, sim->ranks->rank, sim->ranks->n);
-  if (!list_others(sim, scene, s) || !sort_rows(sim, q->owner, s)) return 0;
-  const int32_t rows = count_rows(s), nin = s->in.first[n];
+  const int32_t rows = count_rows(s);
+  if (!ms_buckets_create(alloc, rows, owner, sim->ranks->n, &s->in)) return 0;
+  const int32_t nin = s->in.first[n];
   if (!MS_NEW(alloc, s->x, 3 * (size_t)rows) || !MS_NEW(alloc, s->v, 3 * (size_t)rows) ||
       !MS_NEW(alloc, s->send_bytes, n) || !MS_NEW(alloc, s->receive_bytes, n) ||
       !MS_NEW(alloc, s->receive, nin) || !MS_NEW(alloc, q->nin, n) || !MS_NEW(alloc, q->nout, n) ||
@@ -93,10 +50,10 @@ static int allocate_messages(const msim_sim *sim, ms_rank_section *s, requests *
 static int find_unknowns(const msim_sim *sim, ms_rank_section *s, const requests *q) {
   const ms_unknowns *rows = &sim->islands->model.unknowns;
   int32_t *row;
-  if (!MS_NEW(&sim->alloc, row, ms_rank_scene_count_particles(sim))) return 0;
-  for (int32_t r = 0; r < rows->nfree; r++)
-    row[ms_rank_scene_get_particle(sim, rows->particle[r])] = r;
-  for (int32_t k = 0; k < s->nout; k++) s->out[k] = row[q->out[k]];
+  if (!MS_NEW(&sim->alloc, row, sim->scene->nparticles)) return 0;
+  for (int32_t r = 0; r < rows->nfree; r++) row[rows->particle[r]] = r;
+  for (int32_t k = 0; k < s->nout; k++)
+    s->out[k] = row[ms_rank_scene_find_particle(sim, (int32_t)q->out[k])];
   ms_memory_free(&sim->alloc, row);
   return 1;
 }
@@ -105,11 +62,25 @@ static msim_status agree(const msim_sim *sim, int fits, msim_error *err) {
   return ms_ranks_agree_on_memory(sim->ranks, fits, "the rows of a frame", err);
 }
 
-/* scene: the topology of the whole one */
-static msim_status connect(msim_sim *sim, const ms_scene *scene, ms_rank_section *s, requests *q,
-                           msim_error *err) {
+/* What is not in the section, and the owner of each row */
+static msim_status find_rows(msim_sim *sim, ms_rank_section *s, int32_t **owner, msim_error *err) {
+  ms_rank_others others;
+  s->is =
+      sim->kept ? sim->kept->is : ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
+  msim_status status = ms_rank_others_find(sim, &s->is, &others, err);
+  s->is.other = s->other = others.particle, s->is.nothers = others.n;
+  s->is.other_spring = s->other_spring = others.spring, s->is.nother_springs = others.nsprings;
+  if (!status) status = agree(sim, MS_NEW(&sim->alloc, *owner, count_rows(s)) != NULL, err);
+  return status ? status : ms_rank_scene_find_owners(sim, &s->is, *owner, err);
+}
+
+static msim_status connect(msim_sim *sim, ms_rank_section *s, requests *q, msim_error *err) {
   ms_ranks *ranks = sim->ranks;
-  msim_status status = agree(sim, s && list_wanted(sim, scene, s, q), err);
+  int32_t *owner = NULL;
+  msim_status status = agree(sim, s != NULL, err);
+  if (!status) status = find_rows(sim, s, &owner, err);
+  if (!status) status = agree(sim, list_wanted(sim, owner, s, q), err);
+  ms_memory_free(&sim->alloc, owner);
   if (status) return status;
   ms_ranks_all_to_all(ranks, q->in_bytes, q->nin, q->in_bytes, q->nout);
   status = agree(sim, ranks->failed || allocate_messages(sim, s, q), err);
@@ -119,20 +90,11 @@ static msim_status connect(msim_sim *sim, const ms_scene *scene, ms_rank_section
 }
 
 msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
-  const msim_allocator *alloc = &sim->alloc;
   requests q = {0};
-  ms_scene *topology;
   if (sim->section) return MSIM_OK;
-  msim_status status = ms_rank_scene_gather_topology(sim, &topology, err);
-  if (!status) status = ms_rank_scene_gather_owners(sim, &q.owner, err);
-  if (!status) {
-    MS_NEW(alloc, sim->section, 1);
-    status = connect(sim, topology, sim->section, &q, err);
-    MS_FREE(alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
-  }
-  ms_rank_scene_free_owners(sim, q.owner);
+  msim_status status = connect(sim, MS_NEW(&sim->alloc, sim->section, 1), &q, err);
+  MS_FREE(&sim->alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
   if (!status) status = ms_rank_scene_extend(sim, &sim->section->is, err);
-  ms_scene_release(topology);
   if (status) ms_rank_section_destroy(sim);
   else ms_rank_section_copy(sim, ms_rank_section_scene(sim)->x, ms_rank_section_scene(sim)->v);
   ms_rank_scene_trim(sim);
