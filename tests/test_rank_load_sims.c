@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <unistd.h>
 
+#include "colliders.h"
 #include "drawn_scenes.h"
 #include "peak_allocator.h"
 #include "rank_failures.h"
@@ -217,18 +218,20 @@ static void other_methods_gather_the_scene(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Stiff springs in space and in a plane, for which the modes of ranks matter, and a plane below,
- * for which the scene is gathered */
+/* Stiff springs in space and in a plane, for which the modes of ranks matter; a plane below, and a
+ * ball, for which the scene is gathered */
 static void implicit_methods_have_the_bits_of_the_whole_scene(void **state) {
   (void)state;
   msim_scene *const scenes[] = {random_mesh(300, 5, 0.02), hanging_cloth(24, 20000, 0.01),
-                                hanging_cloth(12, 300, 0), hanging_cloth(12, 300, 0)};
+                                hanging_cloth(12, 300, 0), hanging_cloth(12, 300, 0),
+                                hanging_cloth(8, 300, 0)};
   const double zero[3] = {0};
-  const msim_plane below = {.normal = {0, 0, 1}, .offset = -1e-4};
+  const msim_plane below = {.normal = {0, 0, 1}, .offset = -1e-4, .restitution = 0.5};
   const char *method;
   assert_ok(msim_scene_set_gravity(scenes[2], zero, err));
   assert_ok(msim_scene_add_plane(scenes[3], &below, err));
-  for (int i = 0; i < 4; i++) {
+  add(scenes[4], sphere(0.5, 0.5, -0.2001, 0.2, 0.5, 0), 0);
+  for (int i = 0; i < 5; i++) {
     for (int32_t m = 0; (method = method_at(m)) != NULL; m++)
       if (is_implicit(method)) check_steps(scenes[i], (step_case){method, 2e-3, 0});
     msim_scene_destroy(scenes[i]);
@@ -294,6 +297,7 @@ static const char *measure_creation(msim_comm *comm, void *data) {
   const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
   msim_options opt = options(of->method, 1e-4);
   msim_error why = {0};
+  msim_energy e = {.size = sizeof e};
   msim_sim *sim;
   msim_scene *part;
   opt.comm = comm, opt.threads = 1;
@@ -303,6 +307,7 @@ static const char *measure_creation(msim_comm *comm, void *data) {
   const size_t share = (of->alone + 2 * scene + 60 * rows) / n + (1 << 16),
                most = comm->rank == 0 && share < root + scene / n ? root + scene / n : share;
   EXPECT(m.peak <= most + most / 10);
+  EXPECT(msim_sim_energy(sim, &e) == MSIM_OK); /* more springs pass by than at a time */
   msim_scene_destroy(part);
   msim_sim_destroy(sim);
   EXPECT(m.live == 0);

@@ -1,9 +1,11 @@
 /* Tests of what ranks keep of a scene: the whole one is gathered as it was, bit by bit, energies
  * and checkpoints of parts are those of one process, errors name particles and springs by their
  * numbers in the whole scene, and a failure of memory or communication is one of all ranks. */
+#include "angle_scenes.h"
 #include "drawn_scenes.h"
 #include "rank_failures.h"
 #include "physics/reference.h"
+#include "sim/rank_section.h"
 #include "sim/rank_scene.h"
 
 /*------------------------------------- gathering ------------------------------------------------*/
@@ -169,6 +171,76 @@ static void parts_have_checkpoints_and_energies_of_one_process(void **state) {
   }
 }
 
+/*------------------------------------- rows of other sections -----------------------------------*/
+
+static int is_in(const int32_t *list, int32_t n, int32_t number) {
+  for (int32_t k = 0; k < n; k++)
+    if (list[k] == number) return 1;
+  return 0;
+}
+
+/* Which particles and springs a section needs, by the words of rank_others.h */
+static void find_needed(const ms_scene *s, const ms_section *is, int with_pins, char *particle,
+                        char *spring) {
+  const int32_t *corner = s->faces + 3 * is->first_face, *angle = s->angles.ijk;
+  const int32_t ncorners = 3 * is->nfaces;
+  for (int32_t p = 0; p < s->nparticles; p++)
+    particle[p] = (with_pins && s->pinned[p]) || is_in(corner, ncorners, p);
+  for (int32_t e = 0; e < s->nsprings; e++) {
+    const int32_t i = s->ij[2 * e], j = s->ij[2 * e + 1];
+    const int is_own = e >= is->first_spring && e < is->first_spring + is->nsprings,
+              is_edge = is_in(corner, ncorners, i) && is_in(corner, ncorners, j);
+    spring[e] = !is_own && (is_edge || (with_pins && (s->pinned[i] || s->pinned[j])));
+    if (is_own || spring[e]) particle[i] = particle[j] = 1;
+  }
+  for (int32_t e = 0; e < s->angles.n; e++, angle += 3) {
+    const int is_own = e >= is->first_angle && e < is->first_angle + is->nangles,
+              pins = s->pinned[angle[0]] || s->pinned[angle[1]] || s->pinned[angle[2]];
+    for (int c = 0; c < 3 && (is_own || (with_pins && pins)); c++) particle[angle[c]] = 1;
+  }
+  for (int32_t p = is->first; p < is->first + is->n; p++) particle[p] = 0;
+}
+
+static int is_list_of(const char *needed, int32_t n, const int32_t *list, int32_t count) {
+  int32_t k = 0;
+  for (int32_t i = 0; i < n; i++)
+    if (needed[i] && (k == count || list[k++] != i)) return 0;
+  return k == count;
+}
+
+static const char *check_others(msim_comm *comm, void *data) {
+  const msim_scene *scene = data;
+  const ms_scene *s = scene->data;
+  msim_options opt = options("velocity-verlet", 1e-4);
+  msim_error why = {0};
+  msim_sim *sim;
+  msim_energy e = {.size = sizeof e};
+  char *particle = calloc((size_t)s->nparticles, 1), *spring = calloc((size_t)s->nsprings + 1, 1);
+  opt.comm = comm, opt.threads = 1;
+  EXPECT(particle && spring && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
+  EXPECT(!sim->kept == (s->angles.n > 0) && msim_sim_energy(sim, &e) == MSIM_OK);
+  const ms_section *is = &sim->section->is;
+  find_needed(s, is, comm->rank == 0, particle, spring);
+  EXPECT(is_list_of(particle, s->nparticles, is->other, is->nothers));
+  EXPECT(is_list_of(spring, s->nsprings, is->other_spring, is->nother_springs));
+  msim_sim_destroy(sim);
+  free(particle), free(spring);
+  return NULL;
+}
+
+static void sections_have_what_they_refer_to(void **state) {
+  (void)state;
+  for (unsigned seed = 1; seed <= 40; seed++) {
+    msim_scene *scene =
+        seed > 38 ? bending_cloth(5 + (int32_t)seed % 3, 400, 0, 0.001) : draw_scene(NULL, seed);
+    const char *wrong = run_ranks(2 + (int32_t)(seed % 4), check_others, scene);
+    if (wrong) fail_msg("seed %u: %s", seed, wrong);
+    msim_scene_destroy(scene);
+  }
+}
+
+/*------------------------------------- errors ---------------------------------------------------*/
+
 /* A run that fails, without the whole scene before its end */
 typedef struct unstable_run {
   const msim_scene *scene;
@@ -264,6 +336,7 @@ int main(void) {
       cmocka_unit_test(scenes_are_gathered_as_they_were),
       cmocka_unit_test(forces_are_those_of_the_whole_scene),
       cmocka_unit_test(parts_have_checkpoints_and_energies_of_one_process),
+      cmocka_unit_test(sections_have_what_they_refer_to),
       cmocka_unit_test(errors_have_numbers_of_the_whole_scene),
       cmocka_unit_test(failures_of_one_rank_are_those_of_all),
   };

@@ -70,14 +70,20 @@ static int is_msim_trajectory(const msim_recorder *r, const char *path) {
   return MS_RECORDERS_HAS(r->type, recognize) && r->type->recognize(&r->host.base, path);
 }
 
-/* The file gets its final name once its metadata are written: an incomplete file never has it. */
+/* Under a temporary name */
 static msim_status create_trajectory(msim_recorder *r, ms_recording *a, msim_error *err) {
   msim_status status = ms_output_file_create(&r->file, err);
   if (status) return status;
   a->what.path = r->file.temporary_name.data;
   status = r->type->open(&r->host.base, &a->what, &r->self);
-  if (status) return ms_plugin_fail(&r->host, r->type->name, status, err);
-  return ms_output_file_commit(&r->file, a->what.sync, err);
+  return status ? ms_plugin_fail(&r->host, r->type->name, status, err) : MSIM_OK;
+}
+
+/* A new file gets its final name once its metadata are written and nothing else can fail on any
+ * rank: an incomplete file never has it. */
+static msim_status commit_trajectory(msim_recorder *r, msim_error *err) {
+  if (!r->file.temporary_name.data) return MSIM_OK;
+  return ms_output_file_commit(&r->file, r->sim->config.opt.sync, err);
 }
 
 /* Open a new file, in place of an older trajectory of msim, or with `force` of any file. */
@@ -203,11 +209,6 @@ static msim_status create_recorder(msim_sim *sim, const char *path, msim_recorde
   return ms_rank_frames_init(&r->frames, type, sim, err);
 }
 
-/* The section of this rank if ranks write rows; else rank 0 has all rows. Collective */
-static msim_status provide_section(const msim_recorder *r, msim_error *err) {
-  return r->frames.ranks ? ms_rank_section_create(r->sim, err) : ms_rank_scene_gather(r->sim, err);
-}
-
 /* x and v: of its rows; NULL: of none yet */
 static ms_strain_section find_section(const msim_recorder *r, const double *x, const double *v) {
   msim_sim *sim = r->sim;
@@ -225,9 +226,7 @@ static msim_status allocate_frame(msim_recorder *r, msim_error *err) {
   if (r->frames.ranks || has_file(sim))
     status = ms_strain_init(&r->strain, &section, ms_rank_scene_count_particles(sim), has_file(sim),
                             &sim->alloc, err);
-  if (status || !MS_RECORDERS_HAS(r->type, resume) || (sim->ranks && !r->frames.ranks))
-    return status;
-  r->capacity = msim_sim_save_size(sim);
+  if (status || !r->capacity) return status;
   r->part_capacity = ms_checkpoint_part_capacity(sim);
   r->checkpoint = ms_memory_allocate(&sim->alloc, r->part_capacity, 1);
   return r->checkpoint ? MSIM_OK : ms_error_set_memory(err, "a checkpoint");
@@ -251,15 +250,32 @@ static msim_status open_file(msim_recorder *r, const char *path, int how, msim_r
                        : open_new_trajectory(r, path, how == REPLACE, err);
 }
 
-/* With a whole scene, of which rank 0 writes what all frames share */
-static msim_status open_with_scene(msim_recorder *r, const char *path, int how,
-                                   msim_resumption *from, msim_error *err) {
-  ms_ranks *ranks = r->sim->ranks;
-  msim_status status = ms_rank_scene_borrow(r->sim, &r->scene, err);
-  if (!status) status = ms_ranks_agree(ranks, open_file(r, path, how, from, err), err);
-  if (!status && r->frames.ranks) status = ms_ranks_agree(ranks, join_file(r, err), err);
+static void return_scene(msim_recorder *r) {
   ms_rank_scene_return(r->sim, r->scene);
   r->scene = NULL;
+}
+
+/* Rank 0 writes what all frames share, of the whole scene, which it has before it has its section.
+ * The others have what is not an array of the scene, until they join. */
+static msim_status open_with_scene(msim_recorder *r, const char *path, int how,
+                                   msim_resumption *from, msim_error *err) {
+  msim_sim *sim = r->sim;
+  msim_status status = r->frames.ranks ? MSIM_OK : ms_rank_scene_gather(sim, err);
+  if (MS_RECORDERS_HAS(r->type, resume) && (!sim->ranks || r->frames.ranks))
+    r->capacity = msim_sim_save_size(sim);
+  if (!status) status = ms_rank_scene_borrow(sim, &r->scene, err);
+  if (!status) status = ms_ranks_agree(sim->ranks, open_file(r, path, how, from, err), err);
+  if (has_file(sim)) return_scene(r);
+  return status;
+}
+
+/* What each rank needs for its rows, or rank 0 for all. Collective */
+static msim_status prepare_frames(msim_recorder *r, msim_error *err) {
+  ms_ranks *ranks = r->sim->ranks;
+  msim_status status = r->frames.ranks ? ms_rank_section_create(r->sim, err) : MSIM_OK;
+  if (!status) status = ms_ranks_agree(ranks, allocate_frame(r, err), err);
+  if (!status) status = ms_ranks_agree(ranks, commit_trajectory(r, err), err);
+  if (!status && r->frames.ranks) status = ms_ranks_agree(ranks, join_file(r, err), err);
   return status;
 }
 
@@ -272,12 +288,12 @@ static msim_status open_at(msim_sim *sim, const char *path, int how, msim_record
   msim_recorder *r = NULL;
   msim_resumption from = {.size = sizeof from};
   msim_status status = ms_ranks_agree(sim->ranks, create_recorder(sim, path, &r, err), err);
-  if (!status) status = provide_section(r, err);
-  if (!status) status = ms_ranks_agree(sim->ranks, allocate_frame(r, err), err);
   if (!status) status = open_with_scene(r, path, how, &from, err);
+  if (!status) status = prepare_frames(r, err);
   if (!status && how == RESUME)
     status = ms_ranks_agree(sim->ranks, continue_run(r, &from, err), err);
   ms_sim_count_output(sim, ms_clock_now() - start);
+  if (r) return_scene(r);
   if (!status) {
     *recorder = r;
     return ms_error_clear(err);

@@ -72,7 +72,7 @@ static int may_distribute(const msim_options *opt, const ms_scene *s) {
   if (!opt->integrator || strcmp(opt->integrator, MS_AUTO) == 0 ||
       ms_methods_find(opt->integrator, &method, NULL))
     return 0;
-  if ((method->entry.implicit && ms_scene_has_obstacles(s)) || method->is_multirate ||
+  if ((method->entry.implicit && ms_scene_constrains(s, opt->collision)) || method->is_multirate ||
       method->convert_state || method->sync || method->stages ||
       (method->chooses_steps && opt->steps < 0))
     return 0;

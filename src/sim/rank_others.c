@@ -125,9 +125,6 @@ msim_status ms_rank_others_find(const msim_sim *sim, const ms_section *section,
       agree(&s, MS_NEW(&sim->alloc, s.mark, n) && MS_NEW(&sim->alloc, piece, room), err);
   if (!status) {
     mark_pins(&s);
-    status = ms_ranks_agree(sim->ranks, MSIM_OK, err);
-  }
-  if (!status) {
     mark_corners(&s);
     if (sim->kept) pass_springs(&s, piece);
     else look_at_springs(&s, 0, sim->scene->nsprings, sim->scene->ij);
