@@ -20,7 +20,7 @@ static inline const msim_comm *failing_comm_call(failing_comm *c) {
 }
 
 static inline msim_status failing_comm_end(msim_status status, int64_t bytes, void *results) {
-  if (status) memset(results, 0x7f, (size_t)bytes);
+  if (status && bytes > 0) memset(results, 0x7f, (size_t)bytes);
   return status;
 }
 

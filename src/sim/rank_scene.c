@@ -278,7 +278,7 @@ static msim_status fetch_others(const msim_sim *sim, ms_element of, int32_t n, i
   for (int i = 0; i < count && !status; i++) {
     const size_t bytes = (size_t)n * to[i].size;
     if (to[i].of != of) continue;
-    memcpy(to[i].data, from[i].data, bytes);
+    if (bytes) memcpy(to[i].data, from[i].data, bytes);
     ms_rank_fetch_rows(&f, to[i].size, from[i].data, (char *)to[i].data + bytes);
   }
   ms_rank_fetch_destroy(&f);
