@@ -28,11 +28,12 @@ typedef struct ms_sparse_matrix {
   int32_t *graphptr, *graphind; /* pattern of the blocks: n + 1; one per block */
   int32_t *rowptr, *colind;     /* pattern of the scalars: block n + 1; block^2 per block */
   double *val;                  /* block^2 per block */
+  int32_t *row_offset;          /* n, by unknown: offset of its block row in val */
   int32_t *diagonal_offset;     /* n, by unknown: offset of the diagonal block in val */
   int32_t *row_step;            /* n, by unknown: from one scalar row of a block to the next */
   int32_t *first;               /* n + 1, by unknown: its entries, one per half-edge stored */
   struct ms_sparse_entry {
-    int32_t half_edge, offset; /* index of the half-edge; offset of its block in val */
+    int32_t half_edge, neighbour, offset; /* its index; the other end; its block's offset in val */
   } * entry;
   int32_t
       *angle_offset; /* 9 for each angular spring: offsets of the blocks of its pairs of corners;
