@@ -11,14 +11,14 @@ typedef struct counting_allocator {
   size_t bytes;                 /* requested so far */
 } counting_allocator;
 
-static void *counting_allocator_alloc(size_t bytes, void *user) {
+static inline void *counting_allocator_alloc(size_t bytes, void *user) {
   counting_allocator *b = user;
   if (b->calls++ == b->fail_at) return NULL;
   b->live++, b->bytes += bytes;
   return malloc(bytes);
 }
 
-static void counting_allocator_free(void *ptr, void *user) {
+static inline void counting_allocator_free(void *ptr, void *user) {
   if (ptr) ((counting_allocator *)user)->live--;
   free(ptr);
 }

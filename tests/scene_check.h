@@ -1,12 +1,11 @@
-/* scene_check - scenes to begin with, an allocator that counts blocks and fails on demand, and
- * assertions about scenes */
+/* scene_check - scenes to begin with, and assertions about scenes */
 #ifndef SCENE_CHECK_H
 #define SCENE_CHECK_H
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "testing.h"
+#include "limited_allocator.h"
 #include "scene/scene.h"
 
 /*------------------------------------- scenes ---------------------------------------------------*/
@@ -23,33 +22,6 @@ static inline msim_scene *make_started_scene(void) {
   msim_scene *scene = make_empty_scene();
   assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &mass, err));
   return scene;
-}
-
-/*------------------------------------- memory ---------------------------------------------------*/
-
-typedef struct limited_allocator {
-  int live;      /* blocks allocated and not freed */
-  int remaining; /* successful allocations until all fail; < 0: none fails */
-} limited_allocator;
-
-static inline void *limited_allocator_alloc(size_t bytes, void *user) {
-  limited_allocator *s = user;
-  if (s->remaining == 0) return NULL;
-  s->remaining -= s->remaining > 0;
-  void *block = malloc(bytes);
-  s->live += block != NULL;
-  return block;
-}
-
-static inline void limited_allocator_free(void *block, void *user) {
-  ((limited_allocator *)user)->live -= block != NULL;
-  free(block);
-}
-
-static inline msim_allocator make_limited_allocator(limited_allocator *s) {
-  *s = (limited_allocator){0, -1};
-  return (msim_allocator){sizeof(msim_allocator), limited_allocator_alloc, limited_allocator_free,
-                          s};
 }
 
 /*------------------------------------- content --------------------------------------------------*/

@@ -395,30 +395,24 @@ static void bits_are_the_same(void **state) {
   for (int i = 0; i < RUNS; i++) free(x[i]);
 }
 
+static msim_status create_coarse(const msim_allocator *alloc, void *data) {
+  ms_model model = *(ms_model *)data;
+  ms_scene starved = *model.scene;
+  ms_coarse coarse;
+  starved.alloc = *alloc, model.scene = &starved;
+  const msim_status status = ms_coarse_create(&model, SMALL, &coarse, NULL);
+  ms_coarse_destroy(&coarse);
+  return status;
+}
+
 static void memory_that_ends_is_reported(void **state) {
   (void)state;
-  int32_t allowed = 0;
-  for (msim_status status = MSIM_ERR_MEMORY; status; allowed++) {
-    limited_allocator memory;
-    const msim_allocator alloc = make_limited_allocator(&memory);
-    msim_scene *scene = hanging_cloth(14, 100, 0);
-    ms_model model;
-    ms_coarse coarse;
-    assert_ok(ms_model_create(scene->data, 0, &model, err));
-    ms_scene starved = *scene->data;
-    starved.alloc = alloc;
-    const ms_scene *data = model.scene;
-    model.scene = &starved;
-    memory.remaining = allowed;
-    status = ms_coarse_create(&model, SMALL, &coarse, NULL);
-    if (status) assert_int_equal(status, MSIM_ERR_MEMORY);
-    ms_coarse_destroy(&coarse);
-    assert_int_equal(memory.live, 0);
-    model.scene = data;
-    ms_model_destroy(&model);
-    msim_scene_destroy(scene);
-  }
-  assert_true(allowed > 50);
+  msim_scene *scene = hanging_cloth(14, 100, 0);
+  ms_model model;
+  assert_ok(ms_model_create(scene->data, 0, &model, err));
+  assert_true(expect_memory_errors(create_coarse, &model) > 50);
+  ms_model_destroy(&model);
+  msim_scene_destroy(scene);
 }
 
 int main(void) {

@@ -2,8 +2,8 @@
  * steps, in derivatives; and of want of memory. */
 #include <math.h>
 
-#include "failing_allocator.h"
 #include "force_functions.h"
+#include "limited_allocator.h"
 #include "state_hash.h"
 
 enum { T = MSIM_FORCE_TIME, V = MSIM_FORCE_VELOCITY, J = MSIM_FORCE_JACOBIAN };
@@ -167,7 +167,8 @@ static void frames_are_interpolated_without_forces(void **state) {
 /*------------------------------------- memory ---------------------------------------------------*/
 
 /* A scene of its own, its function twice, a sim by an implicit method and a step */
-static msim_status run_all(void) {
+static msim_status run_all(const msim_allocator *alloc, void *data) {
+  (void)data;
   field of = gusts;
   const msim_force_function is = field_function(&of, T | V | J);
   const double x[6] = {0, 0, 0, 1, 0, 0}, mass[2] = {1, 1}, k = 10;
@@ -176,7 +177,7 @@ static msim_status run_all(void) {
   msim_scene *scene = NULL;
   msim_sim *sim = NULL;
   msim_csr A = {.size = sizeof A};
-  msim_status status = msim_scene_create(failing_allocator_get(), &scene, NULL);
+  msim_status status = msim_scene_create(alloc, &scene, NULL);
   if (!status) status = msim_scene_add_particles(scene, 2, x, NULL, mass, NULL);
   if (!status) status = msim_scene_add_springs(scene, 1, ij, &k, NULL, NULL, NULL);
   if (!status) status = msim_scene_set_force_function(scene, &is, NULL);
@@ -191,19 +192,7 @@ static msim_status run_all(void) {
 
 static void every_allocation_may_fail(void **state) {
   (void)state;
-  int64_t which = 0;
-  failing_allocator_count(FAILING_BY_ALLOCATOR);
-  for (;; which++) {
-    failing_allocator_arm(which, 0);
-    const msim_status status = run_all();
-    const int failed = failing_allocator_has_failed();
-    failing_allocator_arm(-1, 0);
-    assert_int_equal(failing_allocator_count_leaks(), 0);
-    if (!failed) break;
-    if (status != MSIM_OK) assert_int_equal(status, MSIM_ERR_MEMORY);
-  }
-  failing_allocator_count(FAILING_NONE);
-  assert_true(which > 50);
+  assert_true(expect_memory_errors(run_all, NULL) > 50);
 }
 
 int main(void) {
