@@ -234,6 +234,53 @@ static void vertices_are_tied_to_the_nearest_points(void **state) {
   }
 }
 
+/* A pyramid with a square base of edge 2 at z = -1, whose apex is vertex 0 */
+static msim_scene *add_pyramid(double top) {
+  static const int32_t faces[18] = {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 1, 1, 4, 2, 2, 4, 3};
+  const double x[15] = {0, 0, top, -1, -1, -1, 1, -1, -1, 1, 1, -1, -1, 1, -1};
+  return add_filled(5, x, 6, faces, 2. / 9);
+}
+
+/* det(sum(u u^T) / n) of the unit vectors u along the ties of the apex but for the last `without`
+ * of these; *n: their number */
+static double find_support(const msim_scene_view *view, int32_t without, int32_t *n) {
+  double m[3][3] = {{0}};
+  *n = -without;
+  for (int32_t e = 0; e < view->nsprings; e++)
+    *n += view->ij[2 * e] == 0 && view->ij[2 * e + 1] >= 5;
+  for (int32_t e = 0, found = 0; found < *n; e++) {
+    const double *end = view->x + 3 * view->ij[2 * e + 1],
+                 weight = 1 / (pow(view->rest[e], 2) * *n);
+    if (view->ij[2 * e] != 0 || view->ij[2 * e + 1] < 5) continue;
+    found++;
+    for (int i = 0; i < 3; i++)
+      for (int j = 0; j < 3; j++) m[i][j] += weight * (end[i] - view->x[i]) * (end[j] - view->x[j]);
+  }
+  return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+         m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+         m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+}
+
+/* The nearest points lie in a column below the apex, which is tied to as few of them as resist
+ * forces in all directions, with a determinant of at least 1e-3. Those of a spire never do. */
+static void an_apex_is_held_in_all_directions(void **state) {
+  (void)state;
+  int32_t n;
+  for (double top = 0.6; top < 1.15; top += 0.1) {
+    msim_scene *scene = add_pyramid(top);
+    const msim_scene_view view = view_of(scene);
+    assert_true(find_support(&view, 0, &n) >= 1e-3);
+    assert_true(n > 4);
+    assert_true(find_support(&view, 1, &n) < 1e-3);
+    msim_scene_destroy(scene);
+  }
+  msim_scene *spire = add_pyramid(9);
+  const msim_scene_view view = view_of(spire);
+  assert_true(find_support(&view, 0, &n) < 1e-3);
+  assert_int_equal(n, 4);
+  msim_scene_destroy(spire);
+}
+
 /* MSIM_FILL_AUTO: a sixth of the shortest edge of the bounding box */
 static void the_spacing_follows_from_the_bounding_box(void **state) {
   (void)state;
@@ -253,6 +300,7 @@ int main(void) {
                                      cmocka_unit_test(parts_are_joined_where_they_overlap),
                                      cmocka_unit_test(no_spring_crosses_a_gap),
                                      cmocka_unit_test(vertices_are_tied_to_the_nearest_points),
+                                     cmocka_unit_test(an_apex_is_held_in_all_directions),
                                      cmocka_unit_test(the_spacing_follows_from_the_bounding_box)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
