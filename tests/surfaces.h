@@ -57,6 +57,19 @@ static inline void add_sheet(msim_scene *scene, int32_t side, double k, double s
   add_cloth(scene, side, k, origin, row, column, v);
 }
 
+/* Three particles of 1 kg and springs without damping */
+static inline void add_triangle(msim_scene *scene, double k, const double x[9], const double v[3]) {
+  msim_scene_view view = {.size = sizeof view};
+  msim_scene_get(scene, &view);
+  const int32_t a = view.nparticles, corners[3] = {a, a + 1, a + 2},
+                ij[6] = {a, a + 1, a + 1, a + 2, a, a + 2};
+  const double all[9] = {v[0], v[1], v[2], v[0], v[1], v[2], v[0], v[1], v[2]}, mass[3] = {1, 1, 1},
+               stiffness[3] = {k, k, k};
+  assert_ok(msim_scene_add_particles(scene, 3, x, all, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 3, ij, stiffness, NULL, NULL, err));
+  assert_ok(msim_scene_add_faces(scene, 1, corners, err));
+}
+
 static inline void add_sphere(msim_scene *scene, double x, double y, double z, double radius) {
   const msim_collider sphere = {.size = sizeof sphere,
                                 .type = MSIM_COLLIDER_SPHERE,

@@ -1,6 +1,6 @@
 /* Tests of self-contact as a part of scenes and sims: values that are refused, scene files, starts
  * with surfaces that intersect or touch, what it excludes, the same bits by threads and after a
- * resume, pins that force an intersection, edits, want of memory. */
+ * resume, steps from the state alone, pins that force an intersection, edits, want of memory. */
 #include "checkpoints.h"
 #include "failing_allocator.h"
 #include "surfaces.h"
@@ -215,6 +215,35 @@ static void threads_and_resumes_keep_the_bits(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* After each step that contact changes, a sim that starts from there makes the same next step: with
+ * the forces there, not with those that the method has computed before contact. */
+static void steps_depend_on_the_state_alone(void **state) {
+  (void)state;
+  static const char *const methods[] = {"velocity-verlet", "trapezoidal", "dop853",
+                                        "implicit-midpoint"};
+  const double lower[9] = {1, 0, 0, 0, 1, 0, -1, -1, 0}, rest[3] = {0},
+               upper[9] = {0.5, 0.1, 0.025, 0, 0.5, 0.025, -0.5, -0.4, 0.025}, down[3] = {0, 0, -1};
+  msim_scene *scene = surfaces(0, 0.3);
+  add_triangle(scene, 400, lower, rest);
+  add_triangle(scene, 300, upper, down);
+  for (int m = 0; m < 4; m++) {
+    const msim_options opt = options(methods[m], 2e-3);
+    msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &opt);
+    for (int i = 0; i < 40; i++) {
+      const msim_state s = state_of(sim);
+      assert_ok(msim_sim_set_state(other, &s, err));
+      assert_ok(msim_sim_step(sim, 1, err));
+      assert_ok(msim_sim_step(other, 1, err));
+      const msim_state a = state_of(sim), b = state_of(other);
+      assert_memory_equal(a.x, b.x, 18 * sizeof *a.x);
+      assert_memory_equal(a.v, b.v, 18 * sizeof *a.v);
+    }
+    assert_true(stats_of(sim).contacts > 2);
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+  }
+  msim_scene_destroy(scene);
+}
+
 static void checkpoints_of_other_scenes_are_refused(void **state) {
   (void)state;
   msim_scene *scene = two_sheets(0.3), *other = two_sheets(0.2), *none = two_sheets(-1);
@@ -349,6 +378,7 @@ int main(void) {
                                      cmocka_unit_test(intersecting_states_are_refused),
                                      cmocka_unit_test(unsupported_options_are_refused),
                                      cmocka_unit_test(threads_and_resumes_keep_the_bits),
+                                     cmocka_unit_test(steps_depend_on_the_state_alone),
                                      cmocka_unit_test(checkpoints_of_other_scenes_are_refused),
                                      cmocka_unit_test(nothing_changes_far_from_contact),
                                      cmocka_unit_test(pins_that_force_an_intersection),
