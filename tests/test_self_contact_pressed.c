@@ -1,7 +1,7 @@
 /* Tests of self-contact under strong forces with implicit methods: cloths under a weight, a solid
  * between two that move towards each other, a cloth pulled tight around another one go on moving as
- * with short steps, without intersections and without new energy; momentum of bodies that collide,
- * and the motion of those that do not. */
+ * with short steps, without intersections and without new energy; a pile slides down a plane;
+ * momentum of bodies that collide, and the motion of those that do not. */
 #include "meshes.h"
 #include "surfaces.h"
 
@@ -161,6 +161,43 @@ static void cloth_is_pulled_tight(void **state) {
   }
 }
 
+/*------------------------------------- sheets on a slope ----------------------------------------*/
+
+/* Without friction three sheets that lie on each other on a plane of slope 3/4 slide down together,
+ * by g sin of its angle, and press on it and on each other all the way: the plane holds those that
+ * others press on it. (The trapezoidal rule shortens such steps, as it must not add energy.) */
+static void sheets_slide_down_a_plane(void **state) {
+  (void)state;
+  const double c = 0.8, s = 0.6, t = 0.4, h = 1 / 60.;
+  for (int m = 0; m < METHODS && strcmp(methods[m], "trapezoidal") != 0; m++) {
+    msim_scene *scene = surfaces(9.81, 0);
+    for (int i = 0; i < 3; i++) {
+      const double above = 0.012 + 0.022 * i, half = 0.2 - 0.02 * i;
+      add_cloth(scene, 6 - i, 500,
+                (const double[3]){-half * c - above * s, -half, -half * s + above * c},
+                (const double[3]){0, 2 * half, 0}, (const double[3]){2 * half * c, 0, 2 * half * s},
+                NULL);
+    }
+    plane(scene, -s, 0, c, 0, 0, 0);
+    const msim_options opt = options(methods[m], h);
+    msim_sim *sim = make_sim(scene, &opt);
+    run_without_intersections(sim, scene, (int64_t)(t / h + 0.5), 0, NULL);
+    const msim_state now = state_of(sim);
+    double speed = 0; /* the mean of the sheets, whose masses are equal */
+    for (int32_t sheet = 0, first = 0; sheet < 3; sheet++) {
+      const int32_t end = first + (6 - sheet) * (6 - sheet);
+      speed -= (mean_of(now.v, first, end, 0) * c + mean_of(now.v, first, end, 2) * s) / 3;
+      first = end;
+    }
+    assert_close(speed / (9.81 * s * t), 1, 5e-4);
+    for (int32_t i = 0; i < now.n; i++)
+      assert_true(now.x[3 * i + 2] * c - now.x[3 * i] * s > -1e-12);
+    assert_true(stats_of(sim).contacts > 1000);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- momentum -------------------------------------------------*/
 
 /* Let the particles from `first` on, a sheet in the plane z = 0, swell: it vibrates. */
@@ -214,6 +251,7 @@ static void momentum_is_that_of_gravity(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(cloths_give_way_to_a_weight), cmocka_unit_test(solid_is_squeezed),
-      cmocka_unit_test(cloth_is_pulled_tight), cmocka_unit_test(momentum_is_that_of_gravity)};
+      cmocka_unit_test(cloth_is_pulled_tight), cmocka_unit_test(sheets_slide_down_a_plane),
+      cmocka_unit_test(momentum_is_that_of_gravity)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
