@@ -13,7 +13,13 @@
 #define EACH_PART(s)                                                                     \
   for (size_t at = 0, end_ = (size_t)ms_vector_count_components(s) * (size_t)(s).stride; \
        at < end_; at += (size_t)(s).stride)
-#define EACH_ROW(s) for (int32_t r = 0; r < (s).n; r++)
+/* A result may replace an operand, but no row depends on another one: compilers need not check. */
+#ifdef __clang__
+#  define INDEPENDENT_ITERATIONS _Pragma("clang loop vectorize(assume_safety)")
+#else
+#  define INDEPENDENT_ITERATIONS _Pragma("GCC ivdep")
+#endif
+#define EACH_ROW(s) INDEPENDENT_ITERATIONS for (int32_t r = 0; r < (s).n; r++)
 
 /* Functions of vector.h over doubles, or over floats */
 typedef struct ms_vector_loops {
