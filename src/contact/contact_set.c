@@ -448,3 +448,14 @@ void ms_contact_set_place(ms_stepper *s) {
     ms_unknowns_set(rows, v, c->row, s->v_next);
   }
 }
+
+void ms_contact_set_find_acceleration(ms_stepper *s, double *a) {
+  ms_contact_set *e = s->events;
+  double *x = s->x, *v = s->v;
+  e->a_is_known = 0;
+  ms_contact_set_update(s);
+  ms_contact_set_require_acceleration(s, 1);
+  ms_vector_copy(s->model->shape, e->a, a);
+  ms_contact_set_add_reactions(s, &(ms_fused_step){.a = a});
+  s->x = x, s->v = v;
+}

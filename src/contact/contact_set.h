@@ -44,6 +44,7 @@ typedef struct ms_contact {
   double end[MS_MAX_TOUCHED_PLANES];   /* m: distances from its planes at the end of the step */
   double leave[MS_MAX_TOUCHED_PLANES]; /* m/s: velocities at which it then separates from them */
   int keeps;             /* it keeps its distances from its planes, which then do no work */
+  int starts_slipping;   /* at rest at the start, where friction cannot hold it */
   int slipped;           /* it stuck in an earlier solve, and slips now */
   double friction;       /* m/s^2: sum of mu N/m, those of impulses (jump) included */
   double friction_speed; /* m/s: the friction force over mass is -friction v/lag */
@@ -162,6 +163,10 @@ uint64_t ms_contact_set_hash(const ms_stepper *s);
 
 /* Adds reactions and friction of the planes to the results of a force sweep, which include a. */
 void ms_contact_set_add_reactions(const ms_stepper *s, const ms_fused_step *sweep);
+
+/* a = the acceleration at s->x, s->v, with reactions and friction of the planes that touch there,
+ * between steps, by the tolerances of the last step. Collective */
+void ms_contact_set_find_acceleration(ms_stepper *s, double *a);
 
 /* Puts particles in contact on their planes, to the last bit, in x_next and v_next. */
 void ms_contact_set_place(ms_stepper *s);

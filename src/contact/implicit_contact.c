@@ -145,7 +145,7 @@ static int update_friction(contact_solve *j, ms_contact *c) {
     c->friction_speed = fmax(h * (pull - c->friction), slow);
   } else {
     const double stop = before.friction > 0 && !c->slipped ? STOPS * c->friction_speed : 0;
-    c->sticks = c->fixed || (c->has_friction && speed <= fmax(slow, stop));
+    c->sticks = c->fixed || (c->has_friction && !c->starts_slipping && speed <= fmax(slow, stop));
     c->friction_speed = fmax(speed, slow);
   }
   return before.sticks != c->sticks ||
@@ -198,6 +198,7 @@ static void start_friction(const contact_solve *j, ms_contact *c) {
   ms_impacts_remove_normal(&c->on, v, NULL);
   if (c->is_prescribed)
     c->sticks = c->fixed || (still && c->has_friction && ms_vec3_norm(a) <= c->friction);
+  c->starts_slipping = still && !c->enters && c->has_friction && ms_vec3_norm(a) > c->friction;
   c->keeps = c->is_prescribed && c->sticks;
   c->is_prescribed = 1;
   c->friction_speed = fmax(ms_vec3_norm(v), 1e-3 * j->s->h * c->friction);

@@ -17,6 +17,7 @@
 
 #include "base/sized.h"
 #include "base/vec3.h"
+#include "contact/contact_set.h"
 #include "layout/components.h"
 #include "physics/bounds.h"
 #include "statics/static_sim.h"
@@ -27,6 +28,7 @@ typedef struct search {
   double *x;     /* 3n: the present positions */
   double *force; /* 3n: that nothing balances there */
   double h;
+  double energy;   /* J, with obstacles: elastic and potential */
   double length;   /* m: mean_length() at the start */
   double omega;    /* 1/s: a bound of the highest frequency */
   double accepted; /* N: the largest force at the end of the search */
@@ -44,17 +46,25 @@ static void measure_forces(search *s) {
   }
 }
 
-/* The force on each particle in x: without obstacles the sum of all forces, with them what contacts
- * leave of it, m v/h, v the velocity at the end of a step that began at rest. */
-static void find_forces(search *s) {
+/* The force on each particle in x: the sum of all forces, less what reactions and friction of
+ * contacts balance at rest. */
+static msim_status find_forces(search *s, msim_error *err) {
   const ms_scene *scene = s->sim->scene;
-  msim_state now = {.size = sizeof now};
-  msim_sim_state(s->sim, &now);
+  ms_stepper *stepper = &s->sim->islands->stepper;
+  msim_energy now = {.size = sizeof now};
   if (!ms_scene_has_obstacles(scene)) msim_sim_force(s->sim, s->x, scene->v, s->force);
-  else
+  else {
+    const msim_status status = ms_static_sim_start(s->sim, s->x, s->h, err);
+    if (status) return status;
+    ms_contact_set_find_acceleration(stepper, stepper->work[0]);
+    ms_unknowns_scatter(&s->sim->islands->model.unknowns, stepper->work[0], s->force);
     for (size_t i = 0; i < 3 * (size_t)scene->nparticles; i++)
-      s->force[i] = scene->mass[i / 3] * now.v[i] / s->h;
+      s->force[i] = scene->pinned[i / 3] ? 0 : scene->mass[i / 3] * s->force[i];
+  }
   measure_forces(s);
+  msim_sim_energy(s->sim, &now);
+  s->energy = now.total;
+  return MSIM_OK;
 }
 
 static double distance(const double *x, const double *y) {
@@ -242,6 +252,7 @@ static msim_status find_equilibrium(search *s, int is_last, msim_error *err) {
   const double GROWTH = 10, MOST = 1e8, LEAST = 1e-8, first = s->h;
   while (iterations_left(s) > 0 && s->h > LEAST * first) {
     int fast = 0, left = 0;
+    const double force = s->result.force, energy = s->energy;
     msim_status status = ms_static_sim_check_stop(s->of, err);
     if (!status) status = make_step(s, &fast, err);
     if (status < 0 || status == MSIM_STOPPED) return status;
@@ -249,13 +260,15 @@ static msim_status find_equilibrium(search *s, int is_last, msim_error *err) {
       s->h /= GROWTH;
       continue;
     }
-    find_forces(s);
-    status = check_distance(s, err);
+    status = find_forces(s, err);
+    if (!status) status = check_distance(s, err);
     if (status) return status;
     const int is_small = s->result.force <= s->accepted;
     if (is_small && is_last) status = check_minimum(s, &left, err);
     if (status || (is_small && !left)) return status;
-    if (!left && fast) s->h = fmin(GROWTH * s->h, MOST * first);
+    const int gains = s->result.force < force || s->energy < energy;
+    if (!gains && ms_scene_has_obstacles(s->sim->scene)) s->h /= GROWTH;
+    else if (!left && fast) s->h = fmin(GROWTH * s->h, MOST * first);
   }
   return fail(s, err);
 }
