@@ -406,12 +406,44 @@ static void a_damped_pilot_run_has_long_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A block at rest meets the plane after a quarter of the run, t = sqrt(2 z/g): the choice costs the
+ * flight until there, up to 1/64 of the run more, and two trials, by reflected and by located
+ * impacts, of three times 1/14 of the run each. */
+static void an_impact_is_reached_once(void **state) {
+  (void)state;
+  const double g[3] = {0, 0, -9.81}, t_end = 0.4, impact = t_end / 4,
+               z = 9.81 * impact * impact / 2;
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {5, 5, 5},
+                              .origin = {0, 0, z},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000};
+  const msim_options opt = options_of("auto", 0.1, t_end);
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  plane(scene, 0, 0, 1, 0, 0.8, 0);
+  msim_sim *sim = make_sim(scene, &opt);
+  const ms_method_choice *s = &sim->config.choice;
+  const double h = MS_STABLE_FRACTION * sim->config.step_limit.limit,
+               flight = (impact + t_end / 64) / h, trial = 3. / 14 * t_end / h;
+  print_message("  the choice: %.0f evaluations, flight %.0f, trial %.0f\n", s->total_cost, flight,
+                trial);
+  assert_true(s->pilot_time >= impact && s->pilot_time <= impact + t_end / 64);
+  assert_true(s->total_cost < 1.1 * (flight + 2 * trial));
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(as_good_as_the_best),
                                      cmocka_unit_test(implicit_where_it_costs_less),
                                      cmocka_unit_test(first_trials_are_not_extrapolated_far),
                                      cmocka_unit_test(error_control_where_damping_limits_steps),
                                      cmocka_unit_test(error_control_has_no_floats),
-                                     cmocka_unit_test(a_damped_pilot_run_has_long_steps)};
+                                     cmocka_unit_test(a_damped_pilot_run_has_long_steps),
+                                     cmocka_unit_test(an_impact_is_reached_once)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

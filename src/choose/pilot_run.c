@@ -207,64 +207,61 @@ msim_status ms_pilot_run_repeat(ms_pilot_run *p, msim_sim *other, int64_t n, dou
 
 /*------------------------------------- the pilot run --------------------------------------------*/
 
-/* Make `steps` steps of the pilot run; end: the state where they end, or before the one that
- * failed */
+/* A step that fails leaves the state before it. */
 static msim_status make_pilot_steps(ms_pilot_run *p, msim_sim *sim, int64_t steps,
-                                    const ms_pilot_state *end, msim_error *err) {
+                                    msim_error *err) {
   const int64_t before = sim->stats.contacts;
   const msim_status status = ms_sim_make_steps(sim, steps, err);
   p->duration = ms_sim_time(sim);
-  p->met_plane = sim->stats.contacts > before;
-  copy_state(p, sim, end);
+  p->met_plane |= sim->stats.contacts > before;
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
-/* Make the pilot run in parts of 1/64 of the run until an impact, for 3/4 of the run at most.
- * Trials start where the last part began: free flight before that is not typical. */
-static msim_status run_to_impact(ms_pilot_run *p, msim_sim *sim, double h, msim_error *err) {
-  const int64_t part = (int64_t)fmax(1, round(p->span / h / 64));
-  msim_status status = MSIM_OK;
-  while (!status && !p->met_plane && p->duration < 0.75 * p->span) {
-    copy_state(p, sim, &p->end);
-    p->remaining = p->span - p->duration;
-    status = make_pilot_steps(p, sim, part, &p->middle, err);
-  }
-  return status;
-}
-
-/* Continue to 1/3 of the run, as long as a plane could be met there. To choose anew at a late
+/* 1: the pilot run of so many steps continues to an impact: up to 3/4 of the run if a plane is
+ * close at its start, else up to 1/3 while a plane could be met there. To choose anew at a late
  * impact costs less than fixed steps for impacts until then, but one choice costs less than two. */
-static msim_status extend_pilot_run(ms_pilot_run *p, msim_sim *sim, int64_t part, msim_error *err) {
-  const double flown = p->duration, end = p->span / 3;
-  msim_status status = MSIM_OK;
-  while (!status && !p->met_plane && p->duration < end &&
-         ms_step_verification_is_plane_close(sim, (end - p->duration) / 2))
-    status = make_pilot_steps(p, sim, part, &p->scratch, err);
-  p->duration = flown;
-  return status;
+static int continues_to_impact(const ms_pilot_run *p, const msim_sim *sim, double h,
+                               int64_t steps) {
+  const double t = (double)steps * h, end = p->span / 3;
+  if (p->planes_count) return t < 0.75 * p->span;
+  return t < end && ms_step_verification_is_plane_close(sim, (end - t) / 2);
 }
 
-/* The pilot run; if it meets a plane, a second one as far as an impact */
+/* With planes, trials start where the part with the first impact began: free flight before that
+ * is not typical. */
+static void start_trials_at_impact(ms_pilot_run *p, msim_sim *sim, double began) {
+  const ms_pilot_state before = p->scratch;
+  p->scratch = p->end, p->end = before;
+  copy_state(p, sim, &p->middle);
+  p->remaining = p->span - began;
+}
+
+/* The pilot run in parts of 1/64 of the run; it also stops in its middle and at its end. */
 static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_error *err) {
   const double h = pilot->h;
-  const int64_t part = (int64_t)fmax(1, round(p->span / h / 16));
+  const int64_t part = (int64_t)fmax(1, round(p->span / h / 64)),
+                half = (int64_t)fmax(1, round(p->span / h / 16));
+  double began = 0, flown = 0;
   msim_sim *sim;
   msim_status status = start_method(p, pilot, &p->start, &sim, err);
   if (status) return status;
   p->remaining = p->span;
   p->planes_count |= ms_step_verification_is_plane_close(sim, h);
-  if (!p->planes_count) status = make_pilot_steps(p, sim, part, &p->middle, err);
-  if (!p->planes_count && !status) status = make_pilot_steps(p, sim, part, &p->end, err);
-  if (!p->planes_count && !status) status = extend_pilot_run(p, sim, part, err);
-  p->planes_count |= p->met_plane;
-  if (!p->planes_count || status) {
-    p->cost += ms_pilot_run_count_work(sim);
-    return status;
+  for (int64_t n = 0; !status && !(p->met_plane && n % part == 0) &&
+                      (n < 2 * half || continues_to_impact(p, sim, h, n));) {
+    const int64_t of_part = part - n % part, of_half = half - n % half,
+                  steps = of_part < of_half ? of_part : of_half;
+    if (n % part == 0) began = p->duration;
+    if (n % part == 0) copy_state(p, sim, &p->scratch);
+    status = make_pilot_steps(p, sim, steps, err);
+    n += steps;
+    if (n == half) copy_state(p, sim, &p->middle);
+    if (n == 2 * half) copy_state(p, sim, &p->end), flown = p->duration;
   }
-  p->duration = 0, p->met_plane = 0;
-  status = start_method(p, pilot, &p->start, &sim, err);
-  if (!status) status = run_to_impact(p, sim, h, err);
   p->cost += ms_pilot_run_count_work(sim);
+  p->planes_count |= p->met_plane;
+  if (p->planes_count) start_trials_at_impact(p, sim, began);
+  else p->duration = flown;
   return status;
 }
 
