@@ -210,17 +210,20 @@ void ms_sparse_matrix_destroy(const ms_model *model, ms_sparse_matrix *m) {
 
 /*------------------------------------- values ---------------------------------------------------*/
 
-/* Rows in a chunk of work: some 20 us. */
+/* Rows in a chunk of work: some 20 us; a multiple of the rows that are prefetched at a time. */
 enum { CHUNK = 512 };
 
-/* Consecutive unknowns may lie far apart in val: prefetch the block row of a later one, into the L2
- * cache, which has more misses under way at a time than L1. Inlined, as GCC 12 drops calls of
- * functions that only prefetch. */
-MS_INLINE void prefetch_block_row(const ms_sparse_matrix *m, int32_t r) {
-  enum { AHEAD = 16, LINE = 8, L2 = 2 };
-  if (r + AHEAD >= m->n) return;
-  const double *from = m->val + m->row_offset[r + AHEAD];
-  const int32_t n = m->block * m->row_step[r + AHEAD];
+/* Consecutive unknowns may lie far apart in val, on pages of their own. Prefetch for rows after r:
+ * far ahead a number of each block row, many at a time, so that the processor translates several
+ * addresses at once; nearer all lines of one, into the L2 cache, which has more misses under way
+ * than L1. Inlined, as GCC 12 drops calls of functions that only prefetch. */
+MS_INLINE void prefetch_block_rows(const ms_sparse_matrix *m, int32_t r) {
+  enum { FAR = 64, NEAR = 16, LINE = 8, L2 = 2 }; /* rows; numbers in a line */
+  for (int32_t q = r + FAR; r % FAR == 0 && q < r + 2 * FAR && q < m->n; q++)
+    __builtin_prefetch(m->val + m->row_offset[q], 0, L2);
+  if (r + NEAR >= m->n) return;
+  const double *from = m->val + m->row_offset[r + NEAR];
+  const int32_t n = m->block * m->row_step[r + NEAR];
   for (int32_t i = 0; i < n; i += LINE) __builtin_prefetch(from + i, 0, L2);
   __builtin_prefetch(from + n - 1, 0, L2);
 }
@@ -283,25 +286,27 @@ typedef struct assembly_job {
  * written, and val is not cleared first. Springs that share a block are consecutive, as half-edges
  * are sorted by neighbour. */
 MS_INLINE void assemble_rows(const assembly_job *job, int32_t begin, int32_t end, int32_t size) {
-  const ms_sparse_matrix m = *job->matrix; /* a copy, which stores to val cannot change, */
-  const ms_coefficients a = *job->a;       /* and another */
+  const ms_sparse_matrix m = *job->matrix; /* copies, which stores to val cannot change */
+  const ms_coefficients a = *job->a;
   const ms_unknowns *rows = &job->model->unknowns;
   const size_t stride = (size_t)rows->stride, sd = (size_t)rows->first_pinned;
   const double *x = a.x, *y = size > 1 ? x + stride : x, *z = size > 2 ? y + stride : x;
   for (int32_t r = begin; r < end; r++) {
-    prefetch_block_row(&m, r);
-    write_block(m.val + m.diagonal_offset[r], m.row_step[r], load_diagonal(&a, sd, (size_t)r, size),
-                size);
-    symmetric_block b = {0};
-    for (int32_t e = m.first[r], last = -1; e < m.first[r + 1]; e++) {
-      const struct ms_sparse_entry entry = m.entry[e];
-      const int32_t j = entry.neighbour;
-      if (entry.offset != last) b = (symmetric_block){0};
-      const double g = size > 1 ? a.g[entry.half_edge] : 0, dz = size > 2 ? z[j] - z[r] : 0;
-      const pair d = size > 1 ? (pair){x[j], y[j]} - (pair){x[r], y[r]} : (pair){0};
-      b = subtract_spring(b, a.t[entry.half_edge], g, d, dz, size);
-      write_block(m.val + entry.offset, m.row_step[r], b, size);
-      last = entry.offset;
+    const int32_t step = m.row_step[r], last = m.first[r + 1];
+    const pair own = size > 1 ? (pair){x[r], y[r]} : (pair){0};
+    const double own_z = size > 2 ? z[r] : 0;
+    prefetch_block_rows(&m, r);
+    write_block(m.val + m.diagonal_offset[r], step, load_diagonal(&a, sd, (size_t)r, size), size);
+    for (int32_t e = m.first[r]; e < last;) {
+      const int32_t offset = m.entry[e].offset;
+      symmetric_block b = {0};
+      do {
+        const int32_t at = m.entry[e].half_edge, j = m.entry[e].neighbour;
+        const pair d = size > 1 ? (pair){x[j], y[j]} - own : own;
+        b = subtract_spring(b, a.t[at], size > 1 ? a.g[at] : 0, d, size > 2 ? z[j] - own_z : 0,
+                            size);
+      } while (++e < last && m.entry[e].offset == offset);
+      write_block(m.val + offset, step, b, size);
     }
   }
 }
