@@ -215,6 +215,7 @@ static const char *check_others(msim_comm *comm, void *data) {
   msim_error why = {0};
   msim_sim *sim;
   msim_energy e = {.size = sizeof e};
+  msim_state now = {.size = sizeof now};
   char *particle = calloc((size_t)s->nparticles, 1), *spring = calloc((size_t)s->nsprings + 1, 1);
   opt.comm = comm, opt.threads = 1;
   EXPECT(particle && spring && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
@@ -223,13 +224,17 @@ static const char *check_others(msim_comm *comm, void *data) {
   find_needed(s, is, comm->rank == 0, particle, spring);
   EXPECT(is_list_of(particle, s->nparticles, is->other, is->nothers));
   EXPECT(is_list_of(spring, s->nsprings, is->other_spring, is->nother_springs));
+  EXPECT(msim_sim_step(sim, 3, &why) == MSIM_OK && msim_sim_energy(sim, &e) == MSIM_OK);
+  EXPECT(msim_sim_state(sim, &now) == MSIM_OK);
+  for (int32_t i = 0; i < is->n + is->nothers; i++)
+    EXPECT(is_same(sim->section->x + 3 * i, now.x + 3 * ms_section_particle(is, (size_t)i), 3, 8));
   msim_sim_destroy(sim);
   free(particle), free(spring);
   return NULL;
 }
 
-/* The last ones have angular springs, one of them at a pin far from the section of rank 0, and no
- * spring between its ends. */
+/* They have its present state, too. The last ones have angular springs, one of them at a pin far
+ * from the section of rank 0, and no spring between its ends. */
 static void sections_have_what_they_refer_to(void **state) {
   (void)state;
   for (unsigned seed = 1; seed <= 40; seed++) {
