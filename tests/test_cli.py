@@ -90,6 +90,7 @@ class Refusals(CliTest):
             (["rum"], "'rum'", "--help"),
             (["run"], "needs a scene", "'msim_cli run --help'"),
             (["explain"], "needs a scene", "'msim_cli explain --help'"),
+            (["rest", ""], "needs a scene", "'msim_cli rest --help'"),
             (["run", "scene.json", "b.json"], "b.json"),
             (["list", "scene.json"], "scene.json"),
             ([*run, "--stepz", "4"], "--stepz", "did you mean '--steps'?"),

@@ -202,7 +202,7 @@ static int check_combination(const arguments *args) {
     return report_usage_error(command, "--resume and --force exclude each other");
   if (args->options.every > 0 && args->options.fps > 0)
     return report_usage_error(command, "--every and --fps exclude each other");
-  if (!args->scene && args->which != COMMAND_LIST)
+  if (!(args->scene && *args->scene) && args->which != COMMAND_LIST)
     return report_usage_error(command, "%s needs a scene file", command);
   return EXIT_OK;
 }

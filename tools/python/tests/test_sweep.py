@@ -341,6 +341,17 @@ def test_progress(client, capsys):
     assert "3/3" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("given, word", [(["--workers", "0"], "workers must be"),
+                                         (["--out", "/dev/null"], "/dev/null/runs")])
+def test_the_study_refuses(tmp_path, given, word):
+    """One sentence, without a traceback"""
+    pytest.importorskip("matplotlib")
+    done = subprocess.run([sys.executable, "-B", ROOT / "tools/study", "--out", tmp_path, *given],
+                          text=True, capture_output=True)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("study: ") and word in done.stderr
+
+
 def test_the_study(tmp_path):
     """tools/study: sags depend on mass g/(k L) alone, and swings die out as exp(-t drag/2m)."""
     matplotlib = pytest.importorskip("matplotlib")

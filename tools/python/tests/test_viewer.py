@@ -228,12 +228,15 @@ def test_programs(program, run, tmp_path):
     assert "none.csv" in done.stderr and done.stderr.count("\n") == 1
 
 
-def test_without_the_package():
-    """tools/view in a checkout, before anything is installed."""
-    if not (ROOT / "tools/view").exists():
+@pytest.mark.parametrize("program", ["view", "study"])
+def test_without_the_package(program):
+    """Programs of a checkout, before anything is installed."""
+    path = ROOT / "tools" / program
+    if not path.exists():
         pytest.skip("not in a checkout")
     code = ("import runpy, sys; sys.modules['msim'] = None; "
-            f"runpy.run_path({str(ROOT / 'tools/view')!r}, run_name='__main__')")
+            f"runpy.run_path({str(path)!r}, run_name='__main__')")
     done = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
     assert done.returncode == 1 and done.stderr.count("\n") == 1
-    assert "pip install ./tools/python" in done.stderr
+    assert done.stderr.startswith(f"{program}: there is no module msim")
+    assert "pip install" in done.stderr and "./tools/python" in done.stderr
