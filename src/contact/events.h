@@ -5,8 +5,8 @@
  *   explicit methods, and implicit ones whose step resolves the springs, h omega <= 2, locate
  *   impacts or follow particle paths (impact_location.h);
  *   implicit methods with h omega > 2 constrain velocities (implicit_contact.h), also with
- *   collision = reflect where there are colliders; among planes alone reflection is the method of
- *   Teschner's exercises. */
+ *   collision = reflect where there are colliders or self-contact; among planes alone reflection is
+ *   the method of Teschner's exercises. */
 #ifndef MS_EVENTS_H
 #define MS_EVENTS_H
 

@@ -157,7 +157,8 @@ static inline int ms_scene_has_self_contact(const ms_scene *s) {
 
 /* 1: implicit methods may constrain particles in contact by their matrix. */
 static inline int ms_scene_constrains(const ms_scene *s, int32_t collision) {
-  return collision == MSIM_COLLISION_EVENT ? ms_scene_has_obstacles(s) : s->ncolliders > 0;
+  const int holds = collision == MSIM_COLLISION_EVENT || ms_scene_has_self_contact(s);
+  return holds ? ms_scene_has_obstacles(s) : s->ncolliders > 0;
 }
 
 /* Make room for `needed` elements in `count` arrays of n, all of *capacity, as those of particles,
