@@ -50,6 +50,13 @@ DAMAGED = {
 }
 
 
+PLY = ("ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+       "property float z\nelement face %d\nproperty list uchar int vertex_indices\nend_header\n" +
+       "".join("%g %g %g\n" % x for x in VERTICES) + "".join("3 %d %d %d\n" % f for f in FACES))
+WHOLE["mesh.ply"] = PLY % 4
+DAMAGED["many_faces.ply"] = (PLY % 400000000, "header")
+
+
 class MeshFiles(CliTest):
     def setUp(self):
         super().setUp()

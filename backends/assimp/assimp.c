@@ -143,18 +143,26 @@ static msim_status fail_import(const msim_host *host) {
   return MSIM_ERR_ARG;
 }
 
+static int has_bytes(FILE *file, double n) {
+  const long begin = ftell(file);
+  return fseek(file, 0, SEEK_END) == 0 && (double)(ftell(file) - begin) >= n;
+}
+
 /* libassimp 5.2 reads a header of PLY forever if it does not understand a line, or if the end is
- * missing. 1: all lines are of its language; sets *nfaces to the number of faces that it states. */
+ * missing, and makes room for all elements that it states. 1: all lines are of its language, and
+ * the rest of the file has a byte for each element; sets *nfaces to the stated number of faces. */
 static int is_ply_header(FILE *file, unsigned *nfaces) {
   static const char *const words[] = {"ply", "format", "comment", "obj_info", "element"};
   static const char types[] =
       " char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32 float32 "
       "float64 ";
   char line[512], first[16], type[16], padded[24];
+  double n, nelements = 0;
   while (fgets(line, sizeof line, file)) {
     int known = 0, nwords = sscanf(line, "%15s %15s %*s", first, type);
     if (nwords < 1 || !strchr(line, '\n')) return 0;
-    if (strcmp(first, "end_header") == 0) return 1;
+    if (strcmp(first, "end_header") == 0) return has_bytes(file, nelements);
+    if (sscanf(line, " element %*s %lf", &n) == 1) nelements += n;
     if (sscanf(line, " element face %u", nfaces) == 1) continue;
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) known |= !strcmp(first, words[i]);
     snprintf(padded, sizeof padded, " %s ", nwords > 1 ? type : "?");
@@ -173,7 +181,7 @@ static msim_status check_ply(const msim_host *host, const char *path, unsigned *
   const int is_good = !is_ply || is_ply_header(file, nfaces);
   if (file) fclose(file);
   if (is_good) return MSIM_OK;
-  host->fail(host, "its header of PLY is damaged or has no end");
+  host->fail(host, "its header of PLY is damaged, has no end, or states more than the file has");
   return MSIM_ERR_ARG;
 }
 
