@@ -165,11 +165,13 @@ static void cloth_is_pulled_tight(void **state) {
 
 /* Without friction three sheets that lie on each other on a plane of slope 3/4 slide down together,
  * by g sin of its angle, and press on it and on each other all the way: the plane holds those that
- * others press on it. (The trapezoidal rule shortens such steps, as it must not add energy.) */
+ * others press on it, across the slope only, also where steps are shortened. These gain no energy
+ * beyond the bound that docs/contact.md states. */
 static void sheets_slide_down_a_plane(void **state) {
   (void)state;
-  const double c = 0.8, s = 0.6, t = 0.4, h = 1 / 60.;
-  for (int m = 0; m < METHODS && strcmp(methods[m], "trapezoidal") != 0; m++) {
+  const double c = 0.8, s = 0.6, t = 0.4;
+  for (int run = 0; run < 2 * METHODS; run++) {
+    const double h = run % 2 ? 1 / 240. : 1 / 60.;
     msim_scene *scene = surfaces(9.81, 0);
     for (int i = 0; i < 3; i++) {
       const double above = 0.012 + 0.022 * i, half = 0.2 - 0.02 * i;
@@ -179,9 +181,16 @@ static void sheets_slide_down_a_plane(void **state) {
                 NULL);
     }
     plane(scene, -s, 0, c, 0, 0, 0);
-    const msim_options opt = options(methods[m], h);
+    const msim_options opt = options(methods[run / 2], h);
     msim_sim *sim = make_sim(scene, &opt);
-    run_without_intersections(sim, scene, (int64_t)(t / h + 0.5), 0, NULL);
+    msim_energy e = {.size = sizeof e};
+    double energy = total_energy(sim);
+    for (int64_t i = 0; i < (int64_t)(t / h + 0.5); i++) {
+      const double next = run_without_intersections(sim, scene, 1, 0, NULL);
+      msim_sim_energy(sim, &e);
+      assert_true(next <= energy + 1e-5 * (e.kinetic + e.elastic));
+      energy = next;
+    }
     const msim_state now = state_of(sim);
     double speed = 0; /* the mean of the sheets, whose masses are equal */
     for (int32_t sheet = 0, first = 0; sheet < 3; sheet++) {
@@ -189,7 +198,7 @@ static void sheets_slide_down_a_plane(void **state) {
       speed -= (mean_of(now.v, first, end, 0) * c + mean_of(now.v, first, end, 2) * s) / 3;
       first = end;
     }
-    assert_close(speed / (9.81 * s * t), 1, 5e-4);
+    assert_close(speed / (9.81 * s * t), 1, 1e-3);
     for (int32_t i = 0; i < now.n; i++)
       assert_true(now.x[3 * i + 2] * c - now.x[3 * i] * s > -1e-12);
     assert_true(stats_of(sim).contacts > 1000);

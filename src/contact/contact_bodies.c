@@ -59,8 +59,24 @@ void ms_contact_bodies_balance(ms_contact_bodies *b, const ms_model *model, doub
   }
 }
 
-void ms_contact_bodies_halve(ms_contact_bodies *b, const ms_model *model, double *d) {
+/* What of the sums of d over groups is along planes: one after the other, as several may not be
+ * perpendicular */
+static void project_sums(ms_contact_bodies *b, const ms_contact_surface *surface,
+                         const ms_surface_pair *plane) {
+  enum { SWEEPS = 8 };
+  for (int sweep = 0; sweep < SWEEPS; sweep++)
+    for (int32_t k = 0; k < surface->nnodes; k++) {
+      if (!plane[k].is_active) continue;
+      double *sum = b->sum + 4 * (size_t)find_group(b, surface->row[k]) + 1;
+      ms_vec3_axpy(-ms_vec3_dot(sum, plane[k].normal), plane[k].normal, sum);
+    }
+}
+
+void ms_contact_bodies_halve(ms_contact_bodies *b, const ms_model *model,
+                             const ms_contact_surface *surface, const ms_surface_pair *plane,
+                             double *d) {
   sum_groups(b, model, 0, d);
+  if (plane) project_sums(b, surface, plane);
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
     const int32_t group = find_group(b, r);
     const double *sum = b->sum + 4 * (size_t)group;

@@ -6,6 +6,7 @@
 #ifndef MS_CONTACT_BODIES_H
 #define MS_CONTACT_BODIES_H
 
+#include "contact/surface_pairs.h"
 #include "linear/momentum.h"
 
 typedef struct ms_contact_bodies {
@@ -30,8 +31,11 @@ void ms_contact_bodies_join(ms_contact_bodies *bodies, int32_t row, int32_t othe
 void ms_contact_bodies_balance(ms_contact_bodies *bodies, const ms_model *model, double drag,
                                double *d);
 
-/* In groups of bodies that touch, d = (d + mean)/2, with the mean weighted with M, or with 0 in
- * place of it in the group that is held. */
-void ms_contact_bodies_halve(ms_contact_bodies *bodies, const ms_model *model, double *d);
+/* In groups of bodies that touch, d = (d + mean)/2, with the mean weighted with M, and only what of
+ * it is along the planes that hold nodes of the group, where is_active; 0 in place of the mean in
+ * the group that is held. plane: one per node of the surface, or NULL */
+void ms_contact_bodies_halve(ms_contact_bodies *bodies, const ms_model *model,
+                             const ms_contact_surface *surface, const ms_surface_pair *plane,
+                             double *d);
 
 #endif

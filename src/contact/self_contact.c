@@ -264,6 +264,12 @@ static msim_status stop_all_colliding(ms_self_contact *c, ms_stepper *s, msim_er
 
 /*------------------------------------- the step -------------------------------------------------*/
 
+/* The body of a node touches an obstacle: that holds it, unless its plane is known. */
+static void touch_obstacle(ms_self_contact *c, int32_t k) {
+  const int32_t row = c->pairs.surface.row[k];
+  ms_contact_bodies_join(&c->bodies, row, c->projection.d ? row : -1);
+}
+
 /* Moves particles out of obstacles, which hold the bodies of nodes and, in the projection, the
  * nodes from now on. Returns the longest way of a node. */
 static double reflect(ms_self_contact *c, ms_stepper *s) {
@@ -280,7 +286,7 @@ static double reflect(ms_self_contact *c, ms_stepper *s) {
     const double size = ms_vec3_norm(way);
     if (!(size > 0)) continue;
     longest = fmax(longest, size);
-    ms_contact_bodies_join(&c->bodies, surface->row[k], -1);
+    touch_obstacle(c, k);
     if (c->projection.d) ms_contact_projection_hold(&c->projection, k, way, x, c->pairs.thickness);
   }
   gather_end(c, s);
@@ -387,25 +393,25 @@ static double find_most_energy(ms_self_contact *c, ms_stepper *s) {
   return most + SMALL * fmax(motion[0], motion[1]) + 0.5 * mass * added * added;
 }
 
-/* Join the bodies of pairs that were pushed, and those that obstacles hold. */
+/* Join the bodies of pairs that were pushed. */
 static void join_bodies(ms_self_contact *c) {
   ms_contact_bodies_separate(&c->bodies);
   for (int32_t k = 0; k < c->pairs.surface.nnodes && c->projection.d; k++)
-    if (c->projection.held[k].is_active)
-      ms_contact_bodies_join(&c->bodies, c->pairs.surface.row[k], -1);
+    if (c->projection.held[k].is_active) touch_obstacle(c, k);
   for (const ms_surface_pair *p = c->pairs.pair; p < c->pairs.pair + c->pairs.n; p++)
     for (int k = 1; k < 4 && p->is_pushed; k++)
       ms_contact_bodies_join(&c->bodies, c->pairs.surface.row[p->node[0]],
                              c->pairs.surface.row[p->node[k]]);
 }
 
-/* Bodies that touch tend to a translation that keeps their momentum, or, if something holds them,
- * to no motion. */
+/* Bodies that touch tend to a translation that keeps their momentum, along obstacles, or, if
+ * something holds them, to no motion. */
 static void halve_step(ms_self_contact *c, ms_stepper *s) {
   const ms_shape shape = s->model->shape;
-  ms_contact_bodies_halve(&c->bodies, s->model, s->v_next);
+  const ms_surface_pair *held = c->projection.d ? c->projection.held : NULL;
+  ms_contact_bodies_halve(&c->bodies, s->model, &c->pairs.surface, held, s->v_next);
   ms_vector_axpy(shape, -1, s->x, s->x_next);
-  ms_contact_bodies_halve(&c->bodies, s->model, s->x_next);
+  ms_contact_bodies_halve(&c->bodies, s->model, &c->pairs.surface, held, s->x_next);
   ms_vector_axpy(shape, 1, s->x, s->x_next);
 }
 
