@@ -185,6 +185,7 @@ class Ranks(CliTest):
 
 
 if __name__ == "__main__":
+    os.environ["MALLOC_PERTURB_"] = "165"  # memory that was freed must not be read
     if shutil.which("mpirun") is None:
         sys.exit(77)
     support.main()

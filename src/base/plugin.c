@@ -88,11 +88,11 @@ msim_status ms_plugin_open(const char *kind, const char *name, const char *plugi
 /*------------------------------------- host -----------------------------------------------------*/
 
 static void *host_alloc(const msim_host *host, size_t bytes) {
-  return ms_memory_allocate(((const ms_plugin_host *)host)->alloc, bytes, 1);
+  return ms_memory_allocate(&((const ms_plugin_host *)host)->alloc, bytes, 1);
 }
 
 static void host_free(const msim_host *host, void *ptr) {
-  ms_memory_free(((const ms_plugin_host *)host)->alloc, ptr);
+  ms_memory_free(&((const ms_plugin_host *)host)->alloc, ptr);
 }
 
 static void host_fail(const msim_host *host, const char *format, ...) {
@@ -123,7 +123,7 @@ void ms_plugin_init_host(ms_plugin_host *host, const msim_allocator *alloc) {
                                     .data = host->text,
                                     .lock = host_lock,
                                     .unlock = host_unlock},
-                           .alloc = alloc};
+                           .alloc = *alloc};
 }
 
 msim_status ms_plugin_fail(const ms_plugin_host *host, const char *name, msim_status status,
