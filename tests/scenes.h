@@ -134,6 +134,13 @@ static inline msim_state state_of(msim_sim *sim) {
   return state;
 }
 
+/* x and v are the same to the bit. */
+static inline void expect_same_motion(msim_sim *a, msim_sim *b) {
+  const msim_state s = state_of(a), t = state_of(b);
+  assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
+  assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
+}
+
 static inline msim_stats stats_of(const msim_sim *sim) {
   msim_stats stats = {.size = sizeof stats};
   msim_sim_stats(sim, &stats);

@@ -407,7 +407,7 @@ static void a_damped_pilot_run_has_long_steps(void **state) {
 }
 
 /* A block at rest meets the plane after a quarter of the run, t = sqrt(2 z/g): the choice costs the
- * flight until there, up to 1/64 of the run more, and two trials, by reflected and by located
+ * steps until there, up to 1/64 of the run more, and two trials, by reflected and by located
  * impacts, of three times 1/14 of the run each. */
 static void an_impact_is_reached_once(void **state) {
   (void)state;
@@ -428,11 +428,11 @@ static void an_impact_is_reached_once(void **state) {
   msim_sim *sim = make_sim(scene, &opt);
   const ms_method_choice *s = &sim->config.choice;
   const double h = MS_STABLE_FRACTION * sim->config.step_limit.limit,
-               flight = (impact + t_end / 64) / h, trial = 3. / 14 * t_end / h;
-  print_message("  the choice: %.0f evaluations, flight %.0f, trial %.0f\n", s->total_cost, flight,
-                trial);
+               until = (impact + t_end / 64) / h, trial = 3. / 14 * t_end / h;
+  print_message("  the choice: %.0f evaluations, until the impact %.0f, trial %.0f\n",
+                s->total_cost, until, trial);
   assert_true(s->pilot_time >= impact && s->pilot_time <= impact + t_end / 64);
-  assert_true(s->total_cost < 1.1 * (flight + 2 * trial));
+  assert_true(s->total_cost < 1.1 * (until + 2 * trial));
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
