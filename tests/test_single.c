@@ -10,6 +10,7 @@
 #include "scenes.h"
 
 static const char *const sets[] = {"baseline", "avx2", "avx512"};
+MS_TABLES(ms_single_force_kernels);
 enum { NSETS = 3, N = 400, HUB = 7, SPRINGS = 4 * N, PINNED = 11 };
 
 #define U (FLT_EPSILON / 2) /* the largest relative error of an operation */
@@ -57,17 +58,34 @@ static void make_scene(const kind *k, double shift, sweep_test *t) {
   assert_ok(msim_scene_set_forces(t->scene, force, err));
 }
 
-static void set_up(const kind *k, double shift, sweep_test *t) {
-  make_scene(k, shift, t);
+static void make_model(sweep_test *t) {
   const ms_scene *data = t->scene->data;
   assert_ok(ms_model_create(data, 0, &t->model, err));
-  assert_int_equal(t->model.unknowns.dims, k->planar ? 2 : 3);
-  assert_true(t->model.half_edges.nparts > 0);
   assert_ok(ms_single_create(&t->model, err));
   for (int i = 0; i < 6; i++) t->vec[i] = (float *)ms_unknowns_new_vector(data, &t->model.unknowns);
   ms_single_set_origin(&t->model, t->x);
   ms_single_gather_x(&t->model, t->x, t->vec[0]);
   ms_single_gather_v(&t->model, t->v, t->vec[1]);
+}
+
+static void set_up(const kind *k, double shift, sweep_test *t) {
+  make_scene(k, shift, t);
+  make_model(t);
+  assert_int_equal(t->model.unknowns.dims, k->planar ? 2 : 3);
+  assert_true(t->model.half_edges.nparts > 0);
+}
+
+/* Its neighbours are consecutive rows, most slices have equally many, and their number is odd. */
+static void set_up_cloth(double damping, sweep_test *t) {
+  enum { SIDE = 19 };
+  unsigned seed = 5;
+  msim_scene_view view = {.size = sizeof view};
+  t->scene = hanging_cloth(SIDE, 1000, damping);
+  msim_scene_get(t->scene, &view);
+  for (int i = 0; i < 3 * SIDE * SIDE; i++)
+    t->x[i] = view.x[i] + 0.01 * uniform(&seed), t->v[i] = uniform(&seed);
+  make_model(t);
+  assert_int_equal(t->model.half_edges.nslices % 2, 1);
 }
 
 static void tear_down(sweep_test *t) {
@@ -210,6 +228,50 @@ static void threads_agree(void **state) {
   tear_down(&t);
 }
 
+/* AVX-512 computes two slices at once (slice_pair.h): the same bits as one by one */
+static void check_slices_alone(sweep_test *t, int isa) {
+  const ms_fused_step sweep = everything(t);
+  const ms_force_kernels *kernels = ms_single_force_kernels_of[isa];
+  const int32_t slices = t->model.half_edges.nslices;
+  const size_t n = 3 * (size_t)t->model.unknowns.stride * sizeof(float);
+  float *together[6];
+  t->model.isa = isa;
+  assert_true(ms_fused_step_run(&t->model, &sweep));
+  for (int i = 2; i < 6; i++) {
+    together[i] = malloc(n);
+    memcpy(together[i], t->vec[i], n);
+    memset(t->vec[i], 0, n);
+  }
+  for (int32_t slice = 0; slice < slices; slice++) {
+    assert_true(t->vec[5][MS_SLICE * slice] == 0); /* no slice has computed the next one */
+    assert_true(kernels->slices(&t->model, &sweep, slice, slice + 1));
+  }
+  for (int i = 2; i < 6; i++) {
+    assert_memory_equal(together[i], t->vec[i], n);
+    free(together[i]);
+  }
+  for (int32_t row = 0; row < t->model.unknowns.nfree; row++) {
+    const float before = t->vec[1][row];
+    t->vec[1][row] = NAN;
+    assert_false(kernels->slices(&t->model, &sweep, 0, slices));
+    t->vec[1][row] = before;
+  }
+}
+
+static void slices_agree_alone_and_together(void **state) {
+  (void)state;
+  for (int s = 0; s < NSETS; s++) {
+    const int isa = ms_isa_find(sets[s]);
+    for (int k = 0; k < KINDS + 2 && isa >= 0; k++) {
+      sweep_test t;
+      if (k < KINDS) set_up(&kinds[k], 0, &t);
+      else set_up_cloth(0.1 * (k - KINDS), &t);
+      check_slices_alone(&t, isa);
+      tear_down(&t);
+    }
+  }
+}
+
 static void bad_numbers_are_detected(void **state) {
   (void)state;
   static const float bad[] = {NAN, INFINITY, -INFINITY, -2 * MS_LARGEST_VALID_SINGLE};
@@ -349,6 +411,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(forces_are_exact_up_to_rounding),
                                      cmocka_unit_test(short_springs_are_finite),
                                      cmocka_unit_test(threads_agree),
+                                     cmocka_unit_test(slices_agree_alone_and_together),
                                      cmocka_unit_test(bad_numbers_are_detected),
                                      cmocka_unit_test(states_become_pairs_of_floats),
                                      cmocka_unit_test(sums_do_not_drift),

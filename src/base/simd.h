@@ -17,8 +17,8 @@
 #  include <immintrin.h>
 #endif
 
-/* Floats fill registers of 8 lanes at most, as half-edges come in slices of 8. Tests define
- * MS_LANES to run the code for 8 doubles with registers of 4. */
+/* Floats fill registers of 8 lanes at most, as half-edges come in slices of 8; slice_pair.h joins
+ * two of these. Tests define MS_LANES to run the code for 8 doubles with registers of 4. */
 #ifdef MS_SINGLE
 #  define MS_LANES_OF(doubles, floats) floats
 #else

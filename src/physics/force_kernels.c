@@ -7,6 +7,9 @@
 #include "physics/law_springs.h"
 #include "physics/single.h"
 #include "physics/spring_law.h"
+#if defined(MS_SINGLE) && defined(__AVX512F__)
+#  include "physics/slice_pair.h"
+#endif
 
 /* Where the model has k and masses in the precision of the lanes */
 #ifdef MS_SINGLE
@@ -94,6 +97,44 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms
   }
   return sum;
 }
+
+#ifdef MS_SLICE_PAIR_H
+/* Two slices with equally many entries share registers. */
+MS_INLINE int may_be_pair(spring_kind kind, const ms_half_edges *half_edges, int32_t slice,
+                          int32_t end) {
+  const int32_t *first = half_edges->first + slice;
+  return (kind == UNDAMPED || kind == DAMPED) && slice + 1 < end &&
+         first[1] - first[0] == first[2] - first[1];
+}
+
+/* sum[0] and sum[1]: of a slice and of the next one */
+MS_INLINE void add_forces_to_pair(int dims, int damped, const ms_model *m, int32_t slice,
+                                  const float *x, const float *v, ms_lane_vectors sum[2]) {
+  const size_t stride = (size_t)m->unknowns.stride, row = MS_SLICE * (size_t)slice;
+  const ms_half_edges *half_edges = &m->half_edges;
+  const int32_t end = half_edges->first[slice + 1], entries = end - half_edges->first[slice];
+  ms_pair_vectors xi = {{{0}}}, vi = xi, of_both = xi;
+  for (int c = 0; c < dims; c++) {
+    xi.c[c] = ms_pair_load(x + row + (size_t)c * stride);
+    vi.c[c] = damped ? ms_pair_load(v + row + (size_t)c * stride) : xi.c[c];
+    of_both.c[c] = ms_pair_join(sum[0].c[c], sum[1].c[c]);
+  }
+  for (int32_t low = end - entries, high = end; low < end; low++, high++) {
+    const ms_pair_vectors d =
+        ms_pair_subtract_neighbours(dims, half_edges, low, high, x, stride, xi);
+    const ms_pair_vectors dv =
+        damped ? ms_pair_subtract_neighbours(dims, half_edges, low, high, v, stride, vi) : vi;
+    const ms_pair scale =
+        ms_pair_force_factor(dims, damped, d, dv, m->single, (size_t)half_edges->entry[low].value,
+                             (size_t)half_edges->entry[high].value);
+    for (int c = 0; c < dims; c++) of_both.c[c] = ms_pair_fnma(scale, d.c[c], of_both.c[c]);
+  }
+  for (int c = 0; c < dims; c++) {
+    sum[0].c[c] = ms_pair_low(of_both.c[c]);
+    sum[1].c[c] = ms_pair_high(of_both.c[c]);
+  }
+}
+#endif
 
 /* The sum of f/l d, with roundings and order of those of law_kernels.c: no reciprocal, no fused
  * multiply-add. Padding adds 0, as its stiffness is 0. */
@@ -187,27 +228,63 @@ MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vecto
   return size;
 }
 
+/* Where a result may be bad */
+MS_INLINE ms_mask check(ms_lanes size) { return ~(size <= LARGEST_VALID * LARGEST_VALID); }
+
 /*------------------------------------- slices and parts -----------------------------------------*/
+
+/* All forces but those of springs without a law */
+MS_INLINE ms_lane_vectors sum_other_forces(int dims, spring_kind kind, const ms_model *m,
+                                           const ms_external *external, const ms_fused_step *p,
+                                           ms_slice_range own, size_t lane) {
+  const size_t stride = (size_t)m->unknowns.stride, row = own.row + lane;
+  const double *added = kind == LAWS ? m->base_force : m->added_force;
+  const int32_t slice = (int32_t)(own.row / MS_SLICE);
+  ms_lane_vectors f = external_force(dims, m, external, row, p->x, p->v), of_added = {{{0}}};
+  for (int c = 0; c < dims && added; c++)
+    of_added.c[c] = ms_simd_load_doubles(added + (size_t)c * stride + row);
+  if (kind == LAWS)
+    of_added = ms_add_vec(dims, sum_law_forces(dims, m, slice, own, lane, p->x), of_added);
+  return added || kind == LAWS ? ms_add_vec(dims, f, of_added) : f;
+}
+
+/* Compute the results of a slice. Returns where they may be bad. */
+MS_INLINE ms_mask step_slice(int dims, spring_kind kind, const ms_model *m,
+                             const ms_external *external, const ms_fused_step *p, int32_t slice) {
+  const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
+  ms_mask bad = {0};
+  for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
+    ms_lane_vectors f = sum_other_forces(dims, kind, m, external, p, own, lane);
+    if (kind != LAWS) f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
+    bad |= check(update(dims, m, own.row + lane, f, p));
+  }
+  return bad;
+}
+
+#ifdef MS_SLICE_PAIR_H
+MS_INLINE ms_mask step_pair(int dims, spring_kind kind, const ms_model *m,
+                            const ms_external *external, const ms_fused_step *p, int32_t slice) {
+  const ms_slice_range low = {.row = MS_SLICE * (size_t)slice};
+  const ms_slice_range high = {.row = low.row + MS_SLICE};
+  ms_lane_vectors f[] = {sum_other_forces(dims, kind, m, external, p, low, 0),
+                         sum_other_forces(dims, kind, m, external, p, high, 0)};
+  add_forces_to_pair(dims, kind == DAMPED, m, slice, p->x, p->v, f);
+  return check(update(dims, m, low.row, f[0], p)) | check(update(dims, m, high.row, f[1], p));
+}
+#endif
 
 MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
                              int32_t begin, int32_t end) {
-  const size_t stride = (size_t)m->unknowns.stride;
-  const double *added = kind == LAWS ? m->base_force : m->added_force;
   const ms_external external = m->external; /* local, as results could alias the model */
   ms_mask bad = {0};
   for (int32_t slice = begin; slice < end; slice++) {
-    const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
-    for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      const size_t row = own.row + lane;
-      ms_lane_vectors f = external_force(dims, m, &external, row, p->x, p->v), of_added = {{{0}}};
-      for (int c = 0; c < dims && added; c++)
-        of_added.c[c] = ms_simd_load_doubles(added + (size_t)c * stride + row);
-      if (kind == LAWS)
-        of_added = ms_add_vec(dims, sum_law_forces(dims, m, slice, own, lane, p->x), of_added);
-      if (added || kind == LAWS) f = ms_add_vec(dims, f, of_added);
-      if (kind != LAWS) f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
-      bad |= ~(update(dims, m, row, f, p) <= LARGEST_VALID * LARGEST_VALID);
+#ifdef MS_SLICE_PAIR_H
+    if (may_be_pair(kind, &m->half_edges, slice, end)) {
+      bad |= step_pair(dims, kind, m, &external, p, slice++);
+      continue;
     }
+#endif
+    bad |= step_slice(dims, kind, m, &external, p, slice);
   }
   int any = 0;
   for (int l = 0; l < MS_LANES; l++) any |= bad[l] != 0;
