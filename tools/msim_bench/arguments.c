@@ -50,22 +50,14 @@ static void append_name(char *list, size_t size, const char *separator, const ch
   snprintf(list + used, size - used, "%s%s", used ? separator : "", name);
 }
 
-static int complain_scene(const char *name, size_t length) {
-  char known[256] = "";
-  for (int i = 0; scene_info(i); i++) append_name(known, sizeof known, ", ", scene_info(i)->name);
-  return report_usage_error("", "unknown scene '%.*s'; known scenes: %s", (int)length, name, known);
-}
-
-/* value: scene names separated by commas */
+/* value: names separated by commas; check_scenes() knows which the bench has */
 static int take_scene(arguments *args, const char *value) {
   bench_options *w = &args->options;
   for (const char *name = value, *end; name; name = *end ? end + 1 : NULL) {
     end = name + strcspn(name, ",");
-    const bench_scene *scene = scene_find(name, (size_t)(end - name));
-    if (!scene) return complain_scene(name, (size_t)(end - name));
     if (w->nscenes == MAX_SCENES)
       return report_usage_error("", "--scene takes at most %d scenes", MAX_SCENES);
-    w->scenes[w->nscenes++] = scene;
+    snprintf(w->scenes[w->nscenes++], MAX_SCENE_NAME, "%.*s", (int)(end - name), name);
   }
   return EXIT_OK;
 }
@@ -136,6 +128,25 @@ static int parse_flag(arguments *args, int argc, char **argv, int *i) {
 
 /*------------------------------------- what fits together ---------------------------------------*/
 
+static int has_name(const char *list, const char *name) {
+  const size_t length = strlen(name);
+  for (const char *at = list; *at; at += strcspn(at, ","), at += strspn(at, ", "))
+    if (strncmp(at, name, length) == 0 && (!at[length] || at[length] == ',')) return 1;
+  return 0;
+}
+
+static int check_scenes(const bench_entry *bench, const bench_options *w) {
+  char known[MAX_SCENE_LIST];
+  list_scenes(bench, known);
+  if (w->nscenes && !*known)
+    return report_usage_error("", "the bench '%s' has its own scenes; omit --scene", bench->name);
+  for (int i = 0; i < w->nscenes; i++)
+    if (!has_name(known, w->scenes[i]))
+      return report_usage_error("", "scene '%s' is not part of the bench '%s', which has: %s",
+                                w->scenes[i], bench->name, known);
+  return EXIT_OK;
+}
+
 static int check_bench(const bench_entry *bench, const bench_options *w) {
   if (w->threads && bench->threads)
     return report_usage_error("", "the bench '%s' runs with %s; omit --threads", bench->name,
@@ -144,13 +155,7 @@ static int check_bench(const bench_entry *bench, const bench_options *w) {
     return report_usage_error("", "the bench '%s' has no ranks; omit --ranks", bench->name);
   if (w->nranks && mpirun_may_be_several())
     return report_usage_error("", "the processes of mpirun are the ranks; omit --ranks");
-  if (w->nscenes && bench->scenes && !*bench->scenes)
-    return report_usage_error("", "the bench '%s' has its own scenes; omit --scene", bench->name);
-  for (int i = 0; i < w->nscenes && bench->scenes; i++)
-    if (!strstr(bench->scenes, w->scenes[i]->name)) /* no name is part of another one */
-      return report_usage_error("", "scene '%s' is not part of the bench '%s', which has: %s",
-                                w->scenes[i]->name, bench->name, bench->scenes);
-  return EXIT_OK;
+  return check_scenes(bench, w);
 }
 
 static int complain_no_bench(void) {

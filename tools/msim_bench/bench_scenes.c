@@ -19,14 +19,12 @@ const bench_scene *scene_info(int i) {
   return i >= 0 && i < (int)(sizeof scenes / sizeof *scenes) ? &scenes[i] : NULL;
 }
 
-const bench_scene *scene_find(const char *name, size_t length) {
+const bench_scene *scene_named(const char *name) {
   const bench_scene *scene;
   for (int i = 0; (scene = scene_info(i)) != NULL; i++)
-    if (strlen(scene->name) == length && memcmp(scene->name, name, length) == 0) return scene;
+    if (strcmp(scene->name, name) == 0) return scene;
   return NULL;
 }
-
-const bench_scene *scene_named(const char *name) { return scene_find(name, strlen(name)); }
 
 /*------------------------------------- building -------------------------------------------------*/
 

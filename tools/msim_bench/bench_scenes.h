@@ -16,8 +16,7 @@ typedef struct bench_scene {
 /* The i-th scene; NULL past the end. */
 const bench_scene *scene_info(int i);
 
-/* The scene whose name is the first `length` characters; NULL: none. */
-const bench_scene *scene_find(const char *name, size_t length);
+/* NULL: none */
 const bench_scene *scene_named(const char *name);
 
 /* A cloth of 1 m x 1 m and 0.3 kg, all springs of stiffness k; `pinned` is not copied. */

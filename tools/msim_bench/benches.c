@@ -1,5 +1,6 @@
 #include "benches.h"
 
+#include <stdio.h>
 #include <string.h>
 
 static const bench_entry benches[] = {
@@ -39,7 +40,8 @@ static const bench_entry benches[] = {
      .run = bench_step},
     {.name = "precision",
      .doc = "run time against error of every integrator, compared with CVODE and ARKODE",
-     .scenes = "",
+     .scenes = "trampoline, folding, stiff, damped, damped_rope, damped_jelly, jelly, chain, "
+               "dumbbells, slide, cord",
      .run = bench_precision},
     {.name = "stability",
      .doc = "longest stable steps compared with theory, and scenes in which integrators fail",
@@ -58,8 +60,15 @@ const bench_entry *bench_info(int i) {
   return i >= 0 && i < (int)(sizeof benches / sizeof *benches) ? &benches[i] : NULL;
 }
 
+void list_scenes(const bench_entry *bench, char list[static MAX_SCENE_LIST]) {
+  size_t used = (size_t)snprintf(list, MAX_SCENE_LIST, "%s", bench->scenes ? bench->scenes : "");
+  for (int i = 0; !bench->scenes && scene_info(i); i++)
+    used += (size_t)snprintf(list + used, MAX_SCENE_LIST - used, "%s%s", i ? ", " : "",
+                             scene_info(i)->name);
+}
+
 int is_scene_selected(const bench_options *options, const char *scene) {
   for (int i = 0; i < options->nscenes; i++)
-    if (strcmp(options->scenes[i]->name, scene) == 0) return 1;
+    if (strcmp(options->scenes[i], scene) == 0) return 1;
   return options->nscenes == 0;
 }

@@ -5,16 +5,16 @@
 #include "bench_scenes.h"
 #include "report.h"
 
-enum { MAX_SCENES = 14, MAX_RANK_COUNTS = 8 };
+enum { MAX_SCENES = 14, MAX_SCENE_NAME = 16, MAX_SCENE_LIST = 256, MAX_RANK_COUNTS = 8 };
 
 /* Options of a benchmark run, from the command line. */
 typedef struct bench_options {
-  int quick;                             /* finish within 60 s */
-  int32_t threads;                       /* option of all sims; 0: chosen by the scene's size */
-  int nscenes;                           /* 0: all scenes of the benchmark */
-  const bench_scene *scenes[MAX_SCENES]; /* nscenes */
-  int nranks;                            /* 0: those of the benchmark */
-  int32_t ranks[MAX_RANK_COUNTS];        /* nranks: numbers of ranks */
+  int quick;       /* finish within 60 s */
+  int32_t threads; /* option of all sims; 0: chosen by the scene's size */
+  int nscenes;     /* 0: all scenes of the benchmark */
+  char scenes[MAX_SCENES][MAX_SCENE_NAME];
+  int nranks;                     /* 0: those of the benchmark */
+  int32_t ranks[MAX_RANK_COUNTS]; /* nranks: numbers of ranks */
 } bench_options;
 
 /* A run of a benchmark. */
@@ -29,7 +29,7 @@ typedef struct bench_entry {
   const char *name, *doc;
   /* s, limits for all scenes and for advancing one of them: in a full run, with --quick */
   double seconds[2], fall[2];
-  const char *scenes;  /* those it has; NULL: all; "": scenes of its own, without --scene */
+  const char *scenes;  /* those it has; NULL: those of bench_scenes.h; "": without --scene */
   const char *threads; /* how many it runs with, where --threads is not for it; NULL: as told */
   int has_ranks;       /* 1: --ranks is for it */
   int (*run)(bench_run *b); /* measures and prints; returns the exit status */
@@ -37,6 +37,9 @@ typedef struct bench_entry {
 
 /* The i-th benchmark; NULL past the end. */
 const bench_entry *bench_info(int i);
+
+/* The names of its scenes, separated by ", "; "": it takes no --scene. */
+void list_scenes(const bench_entry *bench, char list[static MAX_SCENE_LIST]);
 
 /* Whether a scene is selected; without a selection, all are. */
 int is_scene_selected(const bench_options *options, const char *scene);

@@ -228,6 +228,6 @@ int bench_forces(bench_run *b) {
   const bench_options *options = b->options;
   const int count = options->nscenes ? options->nscenes : (int)(sizeof names / sizeof *names);
   for (int i = 0; i < count && !is_interrupted(); i++)
-    measure_forces_scene(b, options->nscenes ? options->scenes[i] : scene_named(names[i]));
+    measure_forces_scene(b, scene_named(options->nscenes ? options->scenes[i] : names[i]));
   return 0;
 }

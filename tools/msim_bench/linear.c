@@ -216,7 +216,8 @@ int bench_linear(bench_run *run) {
   find_references(&b);
   find_solvers(&b);
   measure_paired_keys(&b);
-  for (int i = 0; i < options->nscenes; i++) measure_linear_scene(&b, options->scenes[i]);
+  for (int i = 0; i < options->nscenes; i++)
+    measure_linear_scene(&b, scene_named(options->scenes[i]));
   for (int i = 0; !options->nscenes && b.plan->scenes[i]; i++)
     measure_linear_scene(&b, scene_named(b.plan->scenes[i]));
   for (int k = 0; k < 2; k++) {

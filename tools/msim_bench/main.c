@@ -19,7 +19,7 @@ enum { DOC_COLUMN = 27 };
 static void print_help(void) {
   const bench_entry *bench;
   const bench_flag *flag;
-  char text[80], scenes[256] = "";
+  char text[80], scenes[MAX_SCENE_LIST];
   puts(
       "Usage: msim_bench NAME [--quick] [--json FILE] [--scene NAME,...] [--threads N]\n"
       "                       [--ranks N,...]\n"
@@ -36,13 +36,13 @@ static void print_help(void) {
     print_column(DOC_COLUMN, text);
     print_wrapped(DOC_COLUMN, flag->doc);
   }
-  for (int i = 0; scene_info(i); i++) {
-    const size_t used = strlen(scenes);
-    snprintf(scenes + used, sizeof scenes - used, "%s%s", i ? " " : "", scene_info(i)->name);
+  puts("\nScenes:");
+  for (int i = 0; (bench = bench_info(i)) != NULL; i++) {
+    list_scenes(bench, scenes);
+    if (!*scenes) continue;
+    print_column(DOC_COLUMN, bench->name);
+    print_wrapped(DOC_COLUMN, scenes);
   }
-  putchar('\n');
-  print_column(DOC_COLUMN, "scenes");
-  print_wrapped(DOC_COLUMN, scenes);
   puts(
       "\nExit status: 0: success; 1: error; 2: stopped by Ctrl-C. A solver that fails is\n"
       "reported as a result: its row has the reason.");

@@ -137,7 +137,7 @@ int bench_precision(bench_run *b) {
   else printf("SUNDIALS is not compared: %s\n", reason);
   if (ode) put_fields(b->report->machine, FIELDS(TEXT("ode", ode->library)));
   for (int i = 0; (kind = precision_scene_info(i)) != NULL && !is_interrupted(); i++)
-    measure_precision_scene(b, kind, ode, &f);
+    if (is_scene_selected(b->options, kind->name)) measure_precision_scene(b, kind, ode, &f);
   if (is_interrupted()) return 0;
   report_cell_keys(&f.cells, ode != NULL, b->report);
   report_key(b->report, "error_over_tol_worst", f.over_tol);
