@@ -3,10 +3,10 @@
 #include <float.h>
 #include <math.h>
 
-#include "integrate/stiffness_partition.h"
 #include "methods/methods.h"
 #include "linear/iteration_estimate.h"
 #include "sim/step_driver.h"
+#include "choose/multirate_trial.h"
 #include "choose/pilot_run.h"
 #include "choose/precision_choice.h"
 #include "choose/rejection_reasons.h"
@@ -184,19 +184,6 @@ static msim_status try_candidate_step(ms_pilot_run *p, int i, ms_candidate *c, d
   return MSIM_OK;
 }
 
-static msim_status create_trial_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
-                                    double h, msim_sim **sim, msim_error *err) {
-  msim_scene scene = {.data = p->sim->scene};
-  msim_options opt = p->sim->config.opt;
-  opt.size = sizeof opt;
-  opt.integrator = method->entry.name;
-  opt.collision = MSIM_COLLISION_REFLECT;
-  opt.precision = MSIM_PRECISION_DOUBLE;
-  opt.tol = tol, opt.h = h, opt.t_end = -1, opt.warn = NULL;
-  opt.watch = MSIM_WATCH_OFF;
-  return ms_sim_create(&scene, &opt, NULL, sim, err);
-}
-
 /* Run `trial` under error control from its present state to t, or until it has spent `most`
  * evaluations or made so many steps. tol and scales are those of the whole run. */
 static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double most, double steps,
@@ -221,7 +208,7 @@ static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candi
   const double SUMS = i == ERROR_CONTROLLED ? 13. / 12 : 1, t = fmax(p->duration, p->span / 16) / 4;
   const double steps = p->planes_count ? INFINITY : CONTROLLED_STEPS;
   msim_sim *trial;
-  msim_status status = create_trial_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
+  msim_status status = ms_pilot_run_create_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
   if (status) return status;
   status = ms_pilot_run_set_middle(p, trial, err);
   if (!status) status = run_trial(p, trial, t, least * t / SUMS, steps, c, err);
@@ -249,6 +236,13 @@ static int most_promising(const ms_pilot_run *p, const ms_candidate *c) {
   return best;
 }
 
+/* A lower bound on the cost of the method that will be chosen, until one is tried */
+static double find_least_cost(const ms_candidate *c) {
+  double least = INFINITY;
+  for (int i = 0; i < MS_CANDIDATES; i++) least = fmin(least, c[i].cost_rate);
+  return least;
+}
+
 /* The least cost of the others; those still on trial may cost twice what is expected. */
 static double least_tried_cost(const ms_pilot_run *p, int but, const ms_candidate *c) {
   double least = INFINITY;
@@ -264,7 +258,7 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
   double most[MS_CANDIDATES];
   int tries[MS_CANDIDATES] = {0};
   msim_status status = MSIM_OK;
-  for (int i = 0; i < MS_CANDIDATES; i++) init_candidate(p, i, &c[i]), most[i] = c[i].h;
+  for (int i = 0; i < MS_CANDIDATES; i++) most[i] = c[i].h;
   for (s->best = most_promising(p, c); !status && !c[s->best].tried;
        s->best = most_promising(p, c)) {
     const int i = s->best;
@@ -283,61 +277,6 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
 static int is_limited_by_stability(const ms_pilot_run *p, const ms_candidate *c) {
   const double reach = ms_pilot_run_stable_step(p, c->method);
   return c->error_control ? c->h > reach / 2 : c->h == reach;
-}
-
-/* *n: steps of respa for half of the pilot run, with the fewest evaluations among 1/4, 1/8, ... of
- * the number that velocity Verlet needs; *cost: evaluations per simulated second. */
-static msim_status find_multirate_step(const ms_pilot_run *p, int64_t *n, double *cost,
-                                       msim_error *err) {
-  const ms_model *model = ms_pilot_run_model(p);
-  const double springs = model->springs.n;
-  int *class_of = ms_memory_allocate(&p->sim->alloc, (size_t)model->springs.n, sizeof *class_of);
-  msim_status status = class_of ? MSIM_OK : ms_error_set_memory(err, "the choice of a method");
-  *cost = INFINITY;
-  for (int64_t m = (int64_t)(p->duration / longest_trial_step(p, &ms_velocity_verlet)) / 8;
-       m > 0 && !status; m /= 2) {
-    const double h = p->duration / (double)(2 * m);
-    ms_stiffness_partition partition;
-    status = ms_stiffness_partition_choose(model, h, class_of, &partition, err);
-    const double step_cost = (springs + partition.inner * partition.nstiff) / springs;
-    if (status || partition.nstiff == 0) break;
-    if (step_cost / h < *cost) *n = m, *cost = step_cost / h;
-  }
-  ms_memory_free(&p->sim->alloc, class_of);
-  return status;
-}
-
-/* Repeat the pilot run in 2 n steps; that had much shorter ones, whose error is negligible. */
-static msim_status try_multirate(ms_pilot_run *p, int64_t n, ms_candidate *c, msim_error *err) {
-  msim_sim *sim;
-  c->h = p->duration / (double)(2 * n);
-  msim_status status = create_trial_sim(p, c->method, 0, c->h, &sim, err);
-  if (status) return status;
-  status = ms_pilot_run_repeat(p, sim, n, &c->error, err);
-  c->step_cost = ms_pilot_run_count_work(sim) / (double)(2 * n);
-  msim_sim_destroy(sim);
-  return status;
-}
-
-/* respa costs more than its evaluations, and may resonate: it has to save three quarters. */
-static msim_status consider_multirate(ms_pilot_run *p, const ms_candidate *best, ms_candidate *c,
-                                      msim_error *err) {
-  const double WORTH = 0.25;
-  double cost;
-  int64_t n = 0;
-  c->rejection = p->sim->scene->angles.n ? MS_REASON_ANGLES : MS_REASON_STIFF_SPRINGS_NOT_FEW;
-  if (c->rejection == MS_REASON_ANGLES) return MSIM_OK;
-  if (p->planes_count || !p->many || !is_limited_by_stability(p, best)) return MSIM_OK;
-  msim_status status = find_multirate_step(p, &n, &cost, err);
-  for (int tries = 0; tries < 3 && !status && cost < WORTH * best->cost_rate; tries++) {
-    status = try_multirate(p, n, c, err);
-    c->rejection = c->error <= p->tol ? MS_REASON_NONE : MS_REASON_ERROR_TOO_LARGE;
-    cost = c->step_cost / c->h;
-    if (!c->rejection) c->cost_rate = cost;
-    if (!c->rejection) break;
-    n *= 2, cost *= 2;
-  }
-  return status;
 }
 
 /* Evaluations of a step of tr-bdf2, which is made whole and in two halves, of two stages each,
@@ -363,7 +302,7 @@ static msim_status consider_implicit(ms_pilot_run *p, const ms_candidate *best, 
   if (p->planes_count || !is_limited_by_stability(p, best)) return MSIM_OK;
   c->rejection = MS_REASON_TOO_EXPENSIVE;
   if (10 * predict_step_cost(ms_pilot_run_model(p), p->span / 10) >= most) return MSIM_OK;
-  msim_status status = create_trial_sim(p, c->method, p->tol, p->span / 100, &trial, err);
+  msim_status status = ms_pilot_run_create_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
   status = ms_pilot_run_set_start(p, trial, err);
   if (!status) status = run_trial(p, trial, p->span, most, INFINITY, c, err);
@@ -376,17 +315,30 @@ static msim_status consider_implicit(ms_pilot_run *p, const ms_candidate *best, 
 
 /*------------------------------------- the choice -----------------------------------------------*/
 
-static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
+/* respa needs no pilot run, unless that has to show that no plane is met. */
+static msim_status choose_candidate(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
+  const int has_obstacles = ms_scene_has_obstacles(p->sim->scene);
   ms_candidate *c = s->candidates;
-  msim_status status = choose_explicit(p, s, err);
-  if (!status) status = consider_multirate(p, &c[s->best], &c[MULTIRATE], err);
-  if (c[MULTIRATE].cost_rate < c[s->best].cost_rate) s->best = MULTIRATE;
+  msim_status status = has_obstacles ? ms_pilot_run_make(p, err) : MSIM_OK;
+  if (status) return status;
+  for (int i = 0; i < MS_CANDIDATES; i++) init_candidate(p, i, &c[i]);
+  status = ms_multirate_trial_make(p, find_least_cost(c), &c[MULTIRATE], err);
+  s->best = MULTIRATE;
+  if (status || c[MULTIRATE].tried) return status;
+  if (!has_obstacles) status = ms_pilot_run_make(p, err);
+  if (!status) status = choose_explicit(p, s, err);
   if (!status) status = consider_implicit(p, &c[s->best], &c[IMPLICIT], err);
   if (c[IMPLICIT].cost_rate < c[s->best].cost_rate) s->best = IMPLICIT;
-  const ms_trial best = make_trial(p, &c[s->best]);
-  if (!status) status = ms_verification_setup_measure(p, &c[s->best], &best, &s->verification, err);
-  if (!ms_precision_choice_is_verifiable(p, &c[s->best], &s->verification))
-    c[s->best].precision = MSIM_PRECISION_DOUBLE;
+  return status;
+}
+
+static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
+  msim_status status = choose_candidate(p, s, err);
+  ms_candidate *best = &s->candidates[s->best];
+  const ms_trial trial = make_trial(p, best);
+  if (!status) status = ms_verification_setup_measure(p, best, &trial, &s->verification, err);
+  if (!ms_precision_choice_is_verifiable(p, best, &s->verification))
+    best->precision = MSIM_PRECISION_DOUBLE;
   s->pilot_time = p->duration, s->total_cost = p->cost, s->damped = p->damped;
   return status;
 }

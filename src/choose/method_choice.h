@@ -18,8 +18,9 @@
  *
  * Until a plane is close the choice is as without planes; then it is made anew.
  *
- * Where stability limits the step, respa is tried if few springs cause that, and tr-bdf2 makes the
- * whole run: it is rejected unless that takes at most a fifth of the lowest cost so far. */
+ * respa is tried first, where few springs limit the steps of all others (multirate_trial.h). Where
+ * stability limits the step of the best of the others, tr-bdf2 makes the whole run: it is rejected
+ * unless that takes at most a fifth of the lowest cost so far. */
 #ifndef MS_METHOD_CHOICE_H
 #define MS_METHOD_CHOICE_H
 

@@ -82,21 +82,35 @@ static double error_distance(const ms_pilot_run *p, msim_sim *sim, const ms_pilo
 /* The method with the most work vectors: the sim is built for it. */
 static const ms_integrator *const widest = &ms_dop853;
 
+static msim_options options_of(const ms_pilot_run *p, const ms_integrator *method) {
+  msim_options opt = p->sim->config.opt;
+  opt.size = sizeof opt;
+  opt.integrator = method->entry.name;
+  opt.collision = MSIM_COLLISION_REFLECT;
+  opt.precision = MSIM_PRECISION_DOUBLE;
+  opt.tol = 0, opt.h = 1, opt.t_end = -1, opt.warn = NULL;
+  opt.watch = MSIM_WATCH_OFF;
+  return opt;
+}
+
 static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, msim_error *err) {
   msim_scene scene = {.data = p->sim->scene};
-  msim_options opt = p->sim->config.opt;
+  msim_options opt = options_of(p, widest);
   *sim = p->sims[collision];
   if (*sim) return MSIM_OK;
-  opt.size = sizeof opt;
-  opt.integrator = widest->entry.name;
-  opt.collision = collision;
-  opt.precision = MSIM_PRECISION_DOUBLE;
-  opt.tol = 0, opt.t_end = -1, opt.steps = 0, opt.h = 1, opt.warn = NULL;
-  opt.watch = MSIM_WATCH_OFF;
+  opt.collision = collision, opt.steps = 0;
   opt.newton_retries = 2; /* for memory of half steps */
   msim_status status = ms_sim_create(&scene, &opt, NULL, sim, err);
   if (!status) p->sims[collision] = *sim;
   return status;
+}
+
+msim_status ms_pilot_run_create_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
+                                    double h, msim_sim **sim, msim_error *err) {
+  msim_scene scene = {.data = p->sim->scene};
+  msim_options opt = options_of(p, method);
+  opt.tol = tol, opt.h = h;
+  return ms_sim_create(&scene, &opt, NULL, sim, err);
 }
 
 /* Set the sim to that state, and let it continue by another method. */
@@ -182,26 +196,40 @@ msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, int 
   return MSIM_OK;
 }
 
-static msim_status repeat_halves(ms_pilot_run *p, msim_sim *other, int64_t n, double *half,
-                                 double *whole, msim_error *err) {
-  *half = *whole = INFINITY;
-  msim_status status = ms_pilot_run_set_start(p, other, err);
-  if (!status) status = ms_sim_make_steps(other, n, err);
-  if (status) return status;
-  *half = error_distance(p, other, &p->middle);
-  status = ms_sim_make_steps(other, n, err);
-  if (!status) *whole = error_distance(p, other, &p->end);
+/* Make 2 n steps from the start; copy the states in their middle and at their end, or find their
+ * distances from those copied. */
+static msim_status run_from_start(ms_pilot_run *p, msim_sim *sim, int64_t n, double *distances,
+                                  msim_error *err) {
+  const ms_pilot_state *states[] = {&p->coarse_middle, &p->coarse_end};
+  msim_status status = ms_pilot_run_set_start(p, sim, err);
+  for (int i = 0; i < 2 && !status; i++) {
+    status = ms_sim_make_steps(sim, n, err);
+    if (distances) distances[i] = error_distance(p, sim, states[i]);
+    else copy_state(p, sim, states[i]);
+  }
+  p->cost += ms_pilot_run_count_work(sim);
   return status;
 }
 
-/* E(T) = E(t) (T/t)^p, p = log2(E(t)/E(t/2)) >= 1; t: length of the pilot run, T: of the run */
-msim_status ms_pilot_run_repeat(ms_pilot_run *p, msim_sim *other, int64_t n, double *error,
-                                msim_error *err) {
-  double half, whole;
-  const msim_status status = repeat_halves(p, other, n, &half, &whole, err);
-  p->cost += ms_pilot_run_count_work(other);
-  const double power = fmax(1, log2(whole / fmax(half, p->scales.rounding)));
-  *error = status ? INFINITY : whole * pow(p->span / p->duration, power);
+/* E(T) = E(t) (T/t)^k, k = log2(E(t)/E(t/2)) >= 1; t = 2 n h: length of the trial, T: of the run */
+msim_status ms_pilot_run_try_from_start(ms_pilot_run *p, const ms_trial *of, int64_t n,
+                                        double *error, double *step_cost, msim_error *err) {
+  const double halving = ldexp(1, of->order), t = 2 * (double)n * of->h;
+  double distance[2] = {INFINITY, INFINITY};
+  msim_status status = MSIM_OK;
+  for (int halved = 0; halved < 2 && !status; halved++) {
+    const int64_t steps = halved ? 2 * n : n;
+    const double before = p->cost;
+    msim_sim *sim;
+    status = ms_pilot_run_create_sim(p, of->method, 0, halved ? of->h / 2 : of->h, &sim, err);
+    if (status) return status;
+    status = run_from_start(p, sim, steps, halved ? distance : NULL, err);
+    if (!halved) *step_cost = (p->cost - before) / (2 * (double)n);
+    msim_sim_destroy(sim);
+  }
+  const double power = fmax(1, log2(distance[1] / fmax(distance[0], p->scales.rounding)));
+  *error = halving / (halving - 1) * distance[1] * pow(p->span / t, power);
+  if (status || !(*error < INFINITY)) *error = INFINITY;
   return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
@@ -337,10 +365,11 @@ static msim_status prepare_pilot_run(ms_pilot_run *p, double t0, msim_error *err
   if (!status) status = ms_bounds_compute(scene, 1, &p->bounds, err);
   if (status) return status;
   const size_t n = component_count(p);
-  p->states = ms_memory_allocate(&p->sim->alloc, 6 * n, sizeof *p->states);
+  ms_pilot_state *of[] = {&p->scratch, &p->end, &p->middle, &p->coarse_middle, &p->coarse_end};
+  enum { STATES = sizeof of / sizeof *of };
+  p->states = ms_memory_allocate(&p->sim->alloc, 2 * STATES * n, sizeof *p->states);
   if (!p->states) return ms_error_set_memory(err, "the choice of a method");
-  ms_pilot_state *of[] = {&p->scratch, &p->end, &p->middle};
-  for (size_t i = 0; i < 3; i++)
+  for (size_t i = 0; i < STATES; i++)
     *of[i] = (ms_pilot_state){p->states + 2 * i * n, p->states + (2 * i + 1) * n};
   return MSIM_OK;
 }
@@ -368,10 +397,15 @@ msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const 
       .mid_run = late,
       .planes_count = late,
       .start = {.size = sizeof p->start, .n = start->n, .x = start->x, .v = start->v}};
+  msim_sim *largest;
   msim_status status = prepare_pilot_run(p, start->t, err);
-  if (status) return status;
+  if (!status) status = get_sim(p, MSIM_COLLISION_REFLECT, &largest, err);
+  return status ? status : classify_count(p, err);
+}
+
+msim_status ms_pilot_run_make(ms_pilot_run *p, msim_error *err) {
   const ms_trial verlet = make_pilot(p, &ms_velocity_verlet), pilot = choose_pilot(p, &verlet);
-  status = make_pilot_run(p, &pilot, err);
+  msim_status status = make_pilot_run(p, &pilot, err);
   if (!status) status = classify_count(p, err);
   return status ? status : find_growth(p, &verlet, err);
 }

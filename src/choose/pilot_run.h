@@ -38,6 +38,7 @@ typedef struct ms_pilot_run {
   double *states;                      /* memory of the states below */
   ms_pilot_state scratch, end, middle; /* end and middle of the pilot run; or the state before and
                                           that after an impact */
+  ms_pilot_state coarse_middle, coarse_end; /* of the longer steps in trials from the start */
   double duration, error_growth; /* s: length of the pilot run; factor by which errors may grow,
                                       >= 1 */
   int met_plane;                 /* the pilot run has met a plane */
@@ -51,10 +52,11 @@ typedef struct ms_pilot_run {
   msim_sim *sims[2];             /* by `collision`; created when needed */
 } ms_pilot_run;
 
-/* Make the pilot run from `start`. late: the run has begun before, and planes count. Call
+/* Prepare the pilot run from `start`. late: the run has begun before, and planes count. Call
  * ms_pilot_run_end always. */
 msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const msim_state *start,
                                ms_pilot_run *p, msim_error *err);
+msim_status ms_pilot_run_make(ms_pilot_run *p, msim_error *err);
 void ms_pilot_run_end(ms_pilot_run *p);
 
 /* 0.9 of the longest stable step, s; INFINITY: any is stable. */
@@ -78,10 +80,14 @@ enum { MS_MEASURED_STEPS = 3 };
 msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, int n,
                                        ms_step_measurement *steps /* n */, msim_error *err);
 
-/* Repeat the pilot run in 2 n steps of another sim: its error at the end of the run. Without
- * planes. */
-msim_status ms_pilot_run_repeat(ms_pilot_run *p, msim_sim *other, int64_t n, double *error,
-                                msim_error *err);
+/* The error at the end of the run of these fixed steps, by 2 n of them from its start and by twice
+ * as many of half the length; INFINITY: such steps fail. Without planes and a pilot run. */
+msim_status ms_pilot_run_try_from_start(ms_pilot_run *p, const ms_trial *of, int64_t n,
+                                        double *error, double *step_cost, msim_error *err);
+
+/* A sim for another trial, by a method under error control, or with tol = 0 in fixed steps of h */
+msim_status ms_pilot_run_create_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
+                                    double h, msim_sim **sim, msim_error *err);
 
 /* Work of a sim so far, in evaluations of all springs; iterations and factorizations are
  * converted. */

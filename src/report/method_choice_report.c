@@ -25,11 +25,10 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
 
 void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
   const ms_step_verification *v = &s->verification;
-  ms_text_append(
-      out,
-      "auto          chosen for tol = %g by a pilot run of %.3g s and trials from its end,\n"
-      "              at the cost of %.0f evaluations of the forces\n",
-      s->tol, s->pilot_time, s->total_cost);
+  ms_text_append(out,
+                 "auto          chosen for tol = %g by a pilot run of %.3g s and trials%s,\n"
+                 "              at the cost of %.0f evaluations of the forces\n",
+                 s->tol, s->pilot_time, s->pilot_time > 0 ? " from its end" : "", s->total_cost);
   for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
   if (v->allowed > 0)
     ms_text_append(out,
