@@ -20,14 +20,18 @@ void ms_bernstein_elevate(ms_bernstein *s) {
   for (int i = n - 1; i > 0; i--) s->c[i] += (double)i / n * (s->c[i - 1] - s->c[i]);
 }
 
-/* De Casteljau's algorithm: subdivision at q; the last coefficient of `left` is s(q). */
+/* De Casteljau's algorithm: subdivision at q; the last coefficient of `left` is s(q). Coefficients
+ * are handed on in `here`, as vectors of those just stored could not be loaded at once. */
 static void subdivide(const ms_bernstein *s, double q, ms_bernstein *left, ms_bernstein *right) {
   const int n = s->degree;
   *right = *s;
   left->degree = n;
   for (int i = 0; i <= n; i++) {
-    left->c[i] = right->c[0];
-    for (int k = 0; k < n - i; k++) right->c[k] += q * (right->c[k + 1] - right->c[k]);
+    double here = left->c[i] = right->c[0];
+    for (int k = 0; k < n - i; k++) {
+      const double next = right->c[k + 1];
+      right->c[k] = here + q * (next - here), here = next;
+    }
   }
 }
 
