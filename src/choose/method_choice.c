@@ -147,13 +147,10 @@ static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
                     .h = c->h};
 }
 
-/* Errors of takahashi-imada depend more on fast modes than those of other methods, and fast modes
- * come later in a run: its error counts fourfold. */
 static msim_status measure_error(ms_pilot_run *p, ms_candidate *c, msim_error *err) {
   const ms_trial trial = make_trial(p, c);
   double step_cost;
   msim_status status = ms_pilot_run_try_method(p, &trial, &c->error, &step_cost, err);
-  if (c->method == &ms_takahashi_imada) c->error *= 4;
   if (c->collision == MSIM_COLLISION_EVENT) c->step_cost = fmax(c->step_cost, step_cost);
   return status;
 }
