@@ -19,6 +19,7 @@ static const char *run_part(msim_comm *comm, void *data) {
   const run *r = data;
   msim_options opt = r->opt;
   msim_error why = {0};
+  msim_energy e = {.size = sizeof e};
   msim_sim *sim;
   msim_scene *part;
   opt.comm = comm;
@@ -27,39 +28,60 @@ static const char *run_part(msim_comm *comm, void *data) {
   EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_OK);
   msim_scene_destroy(part);
   EXPECT(msim_sim_step(sim, r->steps, &why) == MSIM_OK);
+  EXPECT(msim_sim_energy(sim, &e) == MSIM_OK && e.total == r->energy.total); /* of sections */
   const char *wrong = compare_with_run(sim, r);
   msim_sim_destroy(sim);
   return wrong;
 }
 
-static void check_run_of_parts(const msim_scene *scene, const char *method, double h) {
+static void check_steps_of_parts(const msim_scene *scene, msim_options opt, int32_t steps) {
   save(scene);
-  run r = run_alone(scene, options(method, h), 20);
+  run r = run_alone(scene, opt, steps);
   for (int32_t n = 1; n <= MOST_RANKS; n++) {
     const char *wrong = run_ranks(n, run_part, &r);
-    if (wrong) fail_msg("%s, %d ranks: %s", method, n, wrong);
+    if (wrong) fail_msg("%s, %d ranks, %d steps: %s", opt.integrator, n, steps, wrong);
   }
   free_run(&r);
+}
+
+static void check_run_of_parts(const msim_scene *scene, const char *method, double h) {
+  check_steps_of_parts(scene, options(method, h), 20);
 }
 
 static void runs_have_the_bits_of_one_process(void **state) {
   (void)state;
   const msim_plane plane = {.normal = {0, 0, 1}, .offset = -0.2, .restitution = 0.5};
-  msim_scene *mesh = random_mesh(300, 3, 0.01), *cloth = hanging_cloth(9, 300, 0.02);
+  msim_scene *mesh = random_mesh(300, 3, 0.01), *undamped = random_mesh(300, 4, 0),
+             *cloth = hanging_cloth(9, 300, 0.02);
   const char *method;
   for (int32_t i = 0; (method = method_at(i)) != NULL; i++)
-    if (is_tested(method) && takes_positions_only(method) == 0)
-      check_run_of_parts(mesh, method, 1e-3);
+    if (is_tested(method))
+      check_run_of_parts(takes_positions_only(method) ? undamped : mesh, method, 1e-3);
   check_run_of_parts(cloth, "velocity-verlet", 1e-3);
   assert_ok(msim_scene_add_plane(cloth, &plane, err));
   check_run_of_parts(cloth, "velocity-verlet", 1e-3);
   msim_scene_destroy(cloth);
+  msim_scene_destroy(undamped);
   msim_scene_destroy(mesh);
   for (unsigned seed = 1; seed <= 40; seed++) {
     msim_scene *scene = draw_scene(NULL, seed);
     check_run_of_parts(scene, seed % 3 ? "velocity-verlet" : "rk4", 1e-3);
     msim_scene_destroy(scene);
   }
+}
+
+/* Methods that carry other variables than x and v have the state of the scene before they begin. */
+static void runs_start_in_the_state_of_the_scene(void **state) {
+  (void)state;
+  msim_scene *mesh = random_mesh(200, 6, 0);
+  msim_options opt = options("takahashi-imada", 1e-3);
+  check_steps_of_parts(mesh, opt, 0);
+  opt.integrator = "verlet";
+  check_steps_of_parts(mesh, opt, 0);
+  opt.verlet_start = MSIM_VERLET_PLAIN;
+  check_steps_of_parts(mesh, opt, 0);
+  check_steps_of_parts(mesh, opt, 1);
+  msim_scene_destroy(mesh);
 }
 
 /*------------------------------------- parts of sims --------------------------------------------*/
@@ -206,13 +228,48 @@ static void check_steps(const msim_scene *scene, step_case k) {
   }
 }
 
+static void steps_follow_from_all_parts(void **state) {
+  (void)state;
+  msim_scene *const scenes[] = {random_mesh(300, 5, 0.02), hanging_cloth(9, 300, 0),
+                                hanging_cloth(9, 300, 0.1)};
+  const char *const methods[] = {"velocity-verlet", "rk4", "verlet"};
+  for (int i = 0; i < 3; i++) {
+    for (int m = 0; m < 3; m++) check_steps(scenes[i], (step_case){methods[m], MSIM_H_AUTO, 0});
+    msim_scene_destroy(scenes[i]);
+  }
+}
+
+/* One sentence on all ranks where no step follows */
+static const char *check_no_step(msim_comm *comm, void *data) {
+  msim_options opt = options(data, MSIM_H_AUTO);
+  msim_error why = {0};
+  msim_scene *part;
+  msim_sim *sim;
+  opt.comm = comm;
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_ERR_ARG &&
+         strstr(why.text, "h is 'auto'"));
+  EXPECT(has_same_text(comm, why.text));
+  msim_scene_destroy(part);
+  return NULL;
+}
+
+static void no_step_follows(void **state) {
+  (void)state;
+  const char *const methods[] = {"linearly-implicit-euler", "explicit-euler"};
+  msim_scene *scene = hanging_cloth(5, 300, 0);
+  save(scene);
+  for (int m = 0; m < 2; m++)
+    for (int32_t n = 2; n <= 4; n++) {
+      const char *wrong = run_ranks(n, check_no_step, (void *)(uintptr_t)methods[m]);
+      if (wrong) fail_msg("%s, %d ranks: %s", methods[m], n, wrong);
+    }
+  msim_scene_destroy(scene);
+}
+
 static void other_methods_gather_the_scene(void **state) {
   (void)state;
-  const step_case cases[] = {{"rkc", 1e-3, 0},
-                             {"velocity-verlet", MSIM_H_AUTO, 0},
-                             {"verlet", 1e-3, 0},
-                             {"dop853", 1e-3, 1},
-                             {"tr-bdf2", 1e-3, 1}};
+  const step_case cases[] = {{"dop853", 1e-3, 1}, {"tr-bdf2", 1e-3, 1}};
   msim_scene *scene = random_mesh(300, 5, 0.02);
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) check_steps(scene, cases[i]);
   msim_scene_destroy(scene);
@@ -281,21 +338,23 @@ static void ranks_without_particles(void **state) {
 
 typedef struct shared_memory {
   const char *method;
+  double h;
   size_t alone; /* bytes of the sim of one process */
   const ms_scene *scene;
 } shared_memory;
 
 /* A rank has what it keeps, its share of a sim in one process and of the scene, twice, with at most
  * 60 bytes a row in messages; rank 0 the layout of the whole scene, too, 37 bytes a particle and 40
- * a spring, with owners, pins and ends, 5 and 8. */
+ * a spring, with owners, pins and ends, 5 and 8, and, with h = auto, the whole scene and Lanczos's
+ * vectors, 40 bytes a particle, beside its part, section and order, 8 bytes a spring. */
 static const char *measure_creation(msim_comm *comm, void *data) {
   const shared_memory *of = data;
   const size_t n = (size_t)comm->nranks, rows = (size_t)of->scene->nparticles,
                springs = (size_t)of->scene->nsprings, faces = (size_t)of->scene->nfaces,
-               scene = 57 * rows + 32 * springs + 12 * faces, root = 42 * rows + 48 * springs;
+               scene = 57 * rows + 32 * springs + 12 * faces, order = 42 * rows + 48 * springs;
   peak_allocator m = {0};
   const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
-  msim_options opt = options(of->method, 1e-4);
+  msim_options opt = options(of->method, of->h);
   msim_error why = {0};
   msim_energy e = {.size = sizeof e};
   msim_sim *sim;
@@ -305,7 +364,10 @@ static const char *measure_creation(msim_comm *comm, void *data) {
   m.peak = m.live;
   EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_OK);
   const size_t share = (of->alone + 2 * scene + 60 * rows) / n + (1 << 16),
-               most = comm->rank == 0 && share < root + scene / n ? root + scene / n : share;
+               own = (2 * scene + 60 * rows + 8 * springs) / n,
+               bounds = of->h == MSIM_H_AUTO ? scene + 40 * rows + own : 0,
+               root = order + scene / n > bounds ? order + scene / n : bounds,
+               most = comm->rank == 0 && share < root ? root : share;
   EXPECT(m.peak <= most + most / 10);
   EXPECT(msim_sim_energy(sim, &e) == MSIM_OK); /* more springs pass by than at a time */
   msim_scene_destroy(part);
@@ -314,8 +376,8 @@ static const char *measure_creation(msim_comm *comm, void *data) {
   return NULL;
 }
 
-static void check_memory(const msim_scene *scene, const char *method) {
-  msim_options opt = options(method, 1e-4);
+static void check_memory(const msim_scene *scene, const char *method, double h) {
+  msim_options opt = options(method, h);
   peak_allocator m = {0};
   const msim_allocator alloc = {sizeof alloc, peak_allocator_alloc, peak_allocator_free, &m};
   msim_scene *alone;
@@ -323,7 +385,7 @@ static void check_memory(const msim_scene *scene, const char *method) {
   assert_ok(msim_scene_load(&alloc, path, &alone, err));
   const size_t loaded = m.live;
   msim_sim *sim = make_sim(alone, &opt);
-  shared_memory of = {method, m.live - loaded, scene->data};
+  shared_memory of = {method, h, m.live - loaded, scene->data};
   msim_sim_destroy(sim);
   msim_scene_destroy(alone);
   for (int32_t n = 2; n <= 8; n *= 2) {
@@ -336,8 +398,11 @@ static void creation_falls_with_ranks(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(150, 100, 0);
   save(scene);
-  check_memory(scene, "velocity-verlet");
-  check_memory(scene, "linearly-implicit-euler");
+  const char *const methods[] = {"velocity-verlet", "rkc", "verlet", "takahashi-imada",
+                                 "linearly-implicit-euler"};
+  for (size_t i = 0; i < sizeof methods / sizeof *methods; i++)
+    check_memory(scene, methods[i], 1e-4);
+  check_memory(scene, "velocity-verlet", MSIM_H_AUTO);
   msim_scene_destroy(scene);
 }
 
@@ -350,21 +415,23 @@ static msim_scene *load_part(const msim_comm *comm, const msim_allocator *alloc,
   return part;
 }
 
-static void check_failures(msim_scene *scene, const char *method, int lacks_rest) {
+static void check_failures(msim_scene *scene, const char *method, double h, int lacks_rest) {
   save(scene);
   check_rank_failures(&(rank_failures){.load = load_part,
                                        .from = &lacks_rest,
                                        .use = msim_sim_create,
-                                       .opt = options(method, 1e-4),
+                                       .opt = options(method, h),
                                        .least = {60, 20}});
   msim_scene_destroy(scene);
 }
 
 static void failures_of_one_rank_are_those_of_all(void **state) {
   (void)state;
-  check_failures(draw_scene(NULL, 5), "velocity-verlet", 1);
-  check_failures(draw_scene(NULL, 6), "velocity-verlet", 0);
-  check_failures(hanging_cloth(6, 300, 0.01), "linearly-implicit-euler", 0);
+  check_failures(draw_scene(NULL, 5), "velocity-verlet", 1e-4, 1);
+  check_failures(draw_scene(NULL, 6), "velocity-verlet", 1e-4, 0);
+  check_failures(hanging_cloth(5, 300, 0), "verlet", MSIM_H_AUTO, 0);
+  check_failures(hanging_cloth(5, 300, 0), "takahashi-imada", 1e-4, 0);
+  check_failures(hanging_cloth(6, 300, 0.01), "linearly-implicit-euler", 1e-4, 0);
 }
 
 int main(void) {
@@ -372,7 +439,10 @@ int main(void) {
   if (!mkdtemp(folder) || chdir(folder)) return 1;
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(runs_have_the_bits_of_one_process),
+      cmocka_unit_test(runs_start_in_the_state_of_the_scene),
       cmocka_unit_test(sims_of_parts_are_those_of_the_whole),
+      cmocka_unit_test(steps_follow_from_all_parts),
+      cmocka_unit_test(no_step_follows),
       cmocka_unit_test(other_methods_gather_the_scene),
       cmocka_unit_test(implicit_methods_have_the_bits_of_the_whole_scene),
       cmocka_unit_test(the_first_damped_spring_is_refused),

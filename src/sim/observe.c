@@ -83,7 +83,7 @@ static msim_status provide_state(msim_sim *sim) {
   return sim->ranks ? sim->ranks->failed : MSIM_OK;
 }
 
-/* Pinned particles, and the axis left out, are as in the scene. */
+/* Pinned particles, the axis left out, and the state at the start are as in the scene. */
 msim_status ms_sim_update_section(msim_sim *sim, msim_error *err) {
   const msim_status status = ms_rank_section_create(sim, err);
   const double *x, *v;
@@ -91,7 +91,7 @@ msim_status ms_sim_update_section(msim_sim *sim, msim_error *err) {
   if (sim->state_x) {
     update_state_arrays(sim);
     ms_rank_section_copy(sim, sim->state_x, sim->state_v);
-  } else {
+  } else if (!sim->state_is_current) {
     show_island(sim, sim->islands, &x, &v);
     ms_rank_section_exchange(sim, x, v);
   }

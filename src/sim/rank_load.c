@@ -65,18 +65,17 @@ static msim_status gather_parts(const msim_scene *scene, ms_ranks *ranks, ms_sce
 
 /*------------------------------------- parts ----------------------------------------------------*/
 
-/* Methods and scenes of which no rank needs more than its part: bounds of the whole scene, errors,
- * contact sets, and other variables than x and v need it. */
+/* Methods and scenes of which no rank needs more than its part: bounds of the whole scene, errors
+ * and contact sets need it. */
 static int may_distribute(const msim_options *opt, const ms_scene *s) {
   const ms_integrator *method;
   if (!opt->integrator || strcmp(opt->integrator, MS_AUTO) == 0 ||
       ms_methods_find(opt->integrator, &method, NULL))
     return 0;
   if ((method->entry.implicit && ms_scene_constrains(s, opt->collision)) || method->is_multirate ||
-      method->convert_state || method->sync || method->stages ||
       (method->chooses_steps && opt->steps < 0))
     return 0;
-  return opt->tol == 0 && opt->h != MSIM_H_AUTO && opt->collision != MSIM_COLLISION_EVENT &&
+  return opt->tol == 0 && opt->collision != MSIM_COLLISION_EVENT &&
          opt->precision != MSIM_PRECISION_SINGLE && !ms_scene_has_self_contact(s) &&
          !ms_collider_motion_is_there(s);
 }

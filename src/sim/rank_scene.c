@@ -249,6 +249,18 @@ void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole) {
   ms_scene_release(whole);
 }
 
+msim_status ms_rank_scene_compute(const msim_sim *sim, ms_rank_scene_function *compute,
+                                  size_t bytes, void *data, msim_error *err) {
+  ms_scene *whole;
+  msim_status status = ms_rank_scene_borrow(sim, &whole, err);
+  if (!status && sim->ranks->rank == 0) status = compute(whole, data, err);
+  ms_rank_scene_return(sim, whole);
+  status = ms_ranks_agree(sim->ranks, status, err);
+  if (status) return status;
+  ms_ranks_broadcast(sim->ranks, 0, (int64_t)bytes, data);
+  return ms_ranks_agree(sim->ranks, MSIM_OK, err);
+}
+
 /*------------------------------------- other rows -----------------------------------------------*/
 
 msim_status ms_rank_scene_find_owners(const msim_sim *sim, const ms_section *is, int32_t *owner,

@@ -45,6 +45,12 @@ msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err);
 msim_status ms_rank_scene_borrow(const msim_sim *sim, ms_scene **whole, msim_error *err);
 void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole);
 
+/* What rank 0 computes from the whole scene, `bytes` of data, becomes that of all. Collective, with
+ * the same status on all ranks */
+typedef msim_status ms_rank_scene_function(const ms_scene *whole, void *data, msim_error *err);
+msim_status ms_rank_scene_compute(const msim_sim *sim, ms_rank_scene_function *compute,
+                                  size_t bytes, void *data, msim_error *err);
+
 /* The owner of each particle of a section, in the order of its rows. Collective, with the same
  * status on all ranks */
 msim_status ms_rank_scene_find_owners(const msim_sim *sim, const ms_section *section,

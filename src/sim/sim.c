@@ -184,15 +184,12 @@ msim_status ms_sim_check_method_forces(const msim_sim *sim, const double *dampin
 }
 
 /* 1: the sim has arrays of the state from the beginning. Several ranks need them where something in
- * a step refers to particles of other ranks, or where the state at the start is not that of the
- * vectors. */
+ * a step refers to particles of other ranks. */
 static int needs_arrays(const msim_sim *sim) {
-  const ms_integrator *method = sim->config.integrator;
-  return !sim->part || sim->scene->nmotions > 0 || sim->scene->broken || method->sync ||
-         method->convert_state;
+  return !sim->part || sim->scene->nmotions > 0 || sim->scene->broken;
 }
 
-/* All that precedes the islands */
+/* What a rank does by itself before the islands */
 static msim_status prepare_sim(msim_sim *sim, const msim_options *opt, const msim_state *start,
                                ms_sim_choose *choose, msim_error *err) {
   msim_status status = set_options(sim, opt, err);
@@ -203,12 +200,16 @@ static msim_status prepare_sim(msim_sim *sim, const msim_options *opt, const msi
   if (!status) status = ms_reflection_check(sim->scene, err);
   if (!status && !sim->kept) ms_start_check_warn(sim);
   if (!status && ms_sim_selects(sim)) status = choose(sim, 0, start, err);
-  if (!status) status = ms_sim_check_method_forces(sim, sim->scene->damping, err);
-  if (!status && !ms_sim_has_control(sim))
-    status = ms_step_limit_resolve_auto(sim, &sim->config.opt.h, err);
+  return status ? status : ms_sim_check_method_forces(sim, sim->scene->damping, err);
+}
+
+/* Steps, and room for the state */
+static msim_status plan_sim(msim_sim *sim, msim_error *err) {
+  msim_status status = MSIM_OK;
+  if (!ms_sim_has_control(sim)) status = ms_step_limit_resolve_auto(sim, &sim->config.opt.h, err);
   if (!status) status = ms_sim_make_plan(sim, 0, sim->scene->x, sim->scene->v, err);
-  if (status || !needs_arrays(sim)) return status;
-  return ms_sim_reserve_state(sim, sim->scene->nparticles, err);
+  if (!status && needs_arrays(sim)) status = ms_sim_reserve_state(sim, sim->scene->nparticles, err);
+  return ms_ranks_agree(sim->ranks, status, err);
 }
 
 /* NULL: out of memory. */
@@ -279,6 +280,7 @@ static int32_t find_axis(const msim_sim *sim) {
 static msim_status start_created(msim_sim *sim, msim_error *err) {
   const msim_state start = initial_state(sim->scene);
   msim_status status = ms_rank_sim_compare(sim, err);
+  if (!status) status = plan_sim(sim, err);
   if (!status && sim->kept) ms_start_check_warn(sim);
   if (!status) status = ms_sim_build_islands(sim, find_axis(sim), err);
   if (!status && sim->kept) ms_rank_part_forget_whole(&sim->alloc, sim->part);

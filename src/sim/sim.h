@@ -162,6 +162,10 @@ void ms_sim_free_state(msim_sim *sim);
 /* Make the arrays of the state where several ranks do not have them yet; collective. */
 msim_status ms_sim_provide_arrays(msim_sim *sim, msim_error *err);
 
+/* At the start, where there are arrays: set the velocities that the method carries, those of the
+ * state along an axis left out. */
+void ms_sim_start_v_half(msim_sim *sim);
+
 /* Make the section that this rank has for output, if it is not there, and set it to the present
  * state (rank_section.h); collective. */
 msim_status ms_sim_update_section(msim_sim *sim, msim_error *err);

@@ -150,16 +150,6 @@ static void set_arrays(msim_sim *sim, const msim_state *state) {
   memmove(sim->state_v, state->v, bytes);
 }
 
-/* The velocities that the method carries, those of the state along an axis left out */
-static void start_v_half(msim_sim *sim, const msim_state *state) {
-  if (!sim->config.integrator->sync) return;
-  memcpy(sim->state_v_half, sim->state_v, 3 * (size_t)state->n * sizeof *state->v);
-  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-    ms_unknowns_scatter(&m->model.unknowns, ms_single_get_v(&m->model, m->stepper.v),
-                        sim->state_v_half);
-  if (sim->part) ms_rank_part_gather(sim->part, state->n, sim->state_v_half);
-}
-
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_plan plan = sim->config.plan;
   const ms_run_state run = sim->run;
@@ -178,7 +168,7 @@ msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err
   if (ms_sim_has_control(sim)) ms_step_driver_start_control(sim);
   set_arrays(sim, state);
   ms_sim_start_islands(sim, state);
-  start_v_half(sim, state);
+  ms_sim_start_v_half(sim);
   sim->state_is_current = 1;
   ms_sim_start_pins(sim);
   ms_energy_monitor_start(sim);

@@ -1,6 +1,7 @@
 /* state_arrays - the arrays of the state, in the order of the particles */
 #include <string.h>
 
+#include "physics/single.h"
 #include "sim/rank_scene.h"
 
 /* At least twice as many as before, so that all older arrays together are shorter. auto may choose
@@ -28,7 +29,18 @@ msim_status ms_sim_reserve_state(msim_sim *sim, int32_t n, msim_error *err) {
   return MSIM_OK;
 }
 
-/* What no vector has, particles without an island and the axis left out, is as in the scene. */
+void ms_sim_start_v_half(msim_sim *sim) {
+  const int32_t n = sim->scene->nparticles;
+  if (!sim->config.integrator->sync || !sim->state_x) return;
+  memcpy(sim->state_v_half, sim->state_v, 3 * (size_t)n * sizeof *sim->state_v);
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    ms_unknowns_scatter(&m->model.unknowns, ms_single_get_v(&m->model, m->stepper.v),
+                        sim->state_v_half);
+  if (sim->part) ms_rank_part_gather(sim->part, n, sim->state_v_half);
+}
+
+/* What no vector has, particles without an island and the axis left out, is as in the scene, as is
+ * the state at the start. */
 msim_status ms_sim_provide_arrays(msim_sim *sim, msim_error *err) {
   if (!sim->part || sim->state_x) return MSIM_OK;
   msim_status status = ms_rank_scene_gather(sim, err);
@@ -38,6 +50,7 @@ msim_status ms_sim_provide_arrays(msim_sim *sim, msim_error *err) {
   if (!status) {
     memcpy(sim->state_x, scene->x, 3 * (size_t)scene->nparticles * sizeof *scene->x);
     memcpy(sim->state_v, scene->v, 3 * (size_t)scene->nparticles * sizeof *scene->v);
+    ms_sim_start_v_half(sim);
   } else ms_sim_free_state(sim);
   return status;
 }

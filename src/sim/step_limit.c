@@ -4,11 +4,30 @@
 
 #include "sim/rank_scene.h"
 
-/* Computed once, rough and tight each, until the springs change. */
+/* Rough bounds of the whole scene: the largest of the particles of each part, which has all springs
+ * of own particles, and of ghosts some, which bound less */
+static msim_status compute_bounds_of_parts(msim_sim *sim, ms_bounds *b, msim_error *err) {
+  const msim_status status =
+      ms_ranks_agree(sim->ranks, ms_bounds_compute(sim->scene, 0, b, err), err);
+  if (status) return status;
+  double most[] = {b->omega, b->rate, b->ratio, -b->least_rate};
+  ms_ranks_maximum(sim->ranks, 4, most);
+  *b = (ms_bounds){.omega = most[0], .rate = most[1], .ratio = most[2], .least_rate = -most[3]};
+  return ms_ranks_agree(sim->ranks, MSIM_OK, err);
+}
+
+static msim_status compute_tight_bounds(const ms_scene *scene, void *bounds, msim_error *err) {
+  return ms_bounds_compute(scene, 1, bounds, err);
+}
+
+/* Computed once, rough and tight each, until the springs change. Collective, if ranks have parts */
 static msim_status compute_bounds(msim_sim *sim, int tight, msim_error *err) {
   ms_step_limit *a = &sim->config.step_limit;
+  msim_status status;
   if (a->tightness > tight) return MSIM_OK;
-  msim_status status = ms_bounds_compute(sim->scene, tight, &a->bounds, err);
+  if (!sim->kept) status = ms_bounds_compute(sim->scene, tight, &a->bounds, err);
+  else if (!tight) status = compute_bounds_of_parts(sim, &a->bounds, err);
+  else status = ms_rank_scene_compute(sim, compute_tight_bounds, sizeof a->bounds, &a->bounds, err);
   if (status) return status;
   a->limit = sim->config.integrator->limit ? sim->config.integrator->limit(&a->bounds) : INFINITY;
   a->tightness = 1 + tight;
@@ -73,30 +92,20 @@ static void warn_long_step(const msim_sim *sim) {
                 h, name);
 }
 
-static void warn_of_scene(msim_sim *sim) {
-  ms_step_limit *a = &sim->config.step_limit;
-  if (!sim->config.opt.warn || compute_bounds(sim, 0, NULL)) return;
-  if (a->limit > 0 && sim->run.h > a->limit && compute_bounds(sim, 1, NULL)) return;
-  const int too_long = sim->run.h > a->limit;
-  if (too_long && !a->warned) warn_long_step(sim);
-  a->warned = too_long;
-}
-
-/* Ranks that have parts gather the scene only where the bound of these does not suffice. */
-static void warn_of_parts(msim_sim *sim) {
+/* 1: there is a warning, on any of the ranks that have parts. */
+static int is_wanted(const msim_sim *sim) {
   double wanted = sim->config.opt.warn != NULL;
-  ms_ranks_maximum(sim->ranks, 1, &wanted);
-  if (!(wanted > 0)) return;
-  const ms_bounds bounds = ms_bounds_compute_island(&sim->islands->model);
-  if (sim->run.h <= sim->config.integrator->limit(&bounds)) return;
-  if (ms_rank_scene_gather(sim, NULL)) return;
-  warn_of_scene(sim);
-  ms_rank_scene_divide(sim, NULL); /* without memory the scene stays whole */
+  if (sim->kept) ms_ranks_maximum(sim->ranks, 1, &wanted);
+  return wanted > 0;
 }
 
 /* Rough bounds are mostly sufficient. Error control shortens steps that are too long by itself. */
 void ms_step_limit_warn(msim_sim *sim) {
+  ms_step_limit *a = &sim->config.step_limit;
   if (ms_sim_has_control(sim) || !sim->config.integrator->limit) return;
-  if (sim->kept) warn_of_parts(sim);
-  else warn_of_scene(sim);
+  if (!is_wanted(sim) || compute_bounds(sim, 0, NULL)) return;
+  if (a->limit > 0 && sim->run.h > a->limit && compute_bounds(sim, 1, NULL)) return;
+  const int too_long = sim->run.h > a->limit;
+  if (too_long && !a->warned) warn_long_step(sim);
+  a->warned = too_long;
 }

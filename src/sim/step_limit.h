@@ -23,7 +23,7 @@ static inline int ms_step_limit_is_beyond_range(const ms_step_limit *a) {
   return a->bounds.omega > MS_LARGEST_VALID;
 }
 
-/* Compute tight bounds, and the limit that follows from them. */
+/* Compute tight bounds, and the limit that follows from them; collective, as are these. */
 msim_status ms_step_limit_compute(msim_sim *sim, msim_error *err);
 
 /* Replace h = MSIM_H_AUTO by 0.9 of the limit; MSIM_ERR_ARG if that is 0, infinite or unknown. */
