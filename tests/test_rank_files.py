@@ -89,6 +89,26 @@ class RankFiles(CliTest):
         with open(f"/proc/{process.pid}/task/{process.pid}/children", encoding="ascii") as file:
             return [int(word) for word in file.read().split()]
 
+    def is_running(self, rank):
+        try:
+            stat = Path(f"/proc/{rank}/stat").read_text(encoding="ascii")
+        except (FileNotFoundError, ProcessLookupError):
+            return False
+        return stat.rpartition(")")[2].split()[0] != "Z"
+
+    def wait_for_mpirun(self, process, ranks):
+        """Returns what it has printed on stderr. Open MPI 4.1.4 itself deadlocks in
+        PMIx_server_finalize() one time in some hundred, when all ranks have ended: it is killed
+        then."""
+        try:
+            return process.communicate(timeout=60)[1]
+        except subprocess.TimeoutExpired:
+            if any(map(self.is_running, ranks)):
+                raise
+            print("mpirun did not end, but all ranks had")
+            process.kill()
+            return process.communicate()[1]
+
     def kill_a_rank(self, command, delay, chance, file=None):
         """After a delay, from where the file exists on; False if the run had ended before. mpirun
         ends within 5 s."""
@@ -103,8 +123,8 @@ class RankFiles(CliTest):
             killed = time.monotonic()
             if ranks:
                 os.kill(chance.choice(ranks), signal.SIGKILL)
-            _, err = process.communicate(timeout=300)
-        if ranks and process.returncode != 0:
+            err = self.wait_for_mpirun(process, ranks)
+        if ranks and process.returncode not in (0, -signal.SIGKILL):
             self.assertLess(time.monotonic() - killed, 5)
         elif not ranks:
             self.assertEqual(process.returncode, 0, err)

@@ -19,8 +19,8 @@ turn_of_commit() {
   echo "${turns[number % ${#turns[@]}]}"
 }
 
-# 500 runs killed at random moments and resumed
-kills() { tests release -R '^resume_kills$'; }
+# 500 runs, and 20 of several ranks, killed at random moments and resumed
+kills() { tests release -R '^(resume|rank)_kills$'; }
 
 # Every snippet is run in the default part; this builds the site.
 documentation() { check "documentation" tools/docs; }
