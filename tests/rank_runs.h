@@ -112,6 +112,13 @@ static inline int has_same_text(const msim_comm *comm, const char *text) {
   return comm->broadcast(comm->self, 0, sizeof first, first) == MSIM_OK && strcmp(first, text) == 0;
 }
 
+/* Error control up to t_end */
+static inline msim_options controlled(const char *method, double tol, double t_end) {
+  msim_options opt = options(method, MSIM_H_AUTO);
+  opt.steps = -1, opt.tol = tol, opt.t_end = t_end;
+  return opt;
+}
+
 #define EXPECT(condition) \
   if (!(condition)) return fail_rank(comm, #condition, why.text)
 

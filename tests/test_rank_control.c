@@ -1,7 +1,9 @@
 /* Tests of error control on several ranks: all take the same steps, and those of one process but
  * for the rounding of sums over ranks; the same bits in each run. */
 #include "angle_scenes.h"
+#include "layout/components.h"
 #include "rank_runs.h"
+#include "sim/rank_scene.h"
 
 /* The two runs of each number of ranks */
 typedef struct control_case {
@@ -63,12 +65,6 @@ static void check_control(const char *name, const msim_scene *scene, msim_option
   msim_sim_destroy(sim);
 }
 
-static msim_options controlled(const char *method, double tol, double t_end) {
-  msim_options opt = options(method, MSIM_H_AUTO);
-  opt.steps = -1, opt.tol = tol, opt.t_end = t_end;
-  return opt;
-}
-
 static void estimates_of_methods(void **state) {
   (void)state;
   msim_scene *cloth = hanging_cloth(12, 400, 0.01), *mesh = random_mesh(300, 1, 0),
@@ -122,6 +118,82 @@ static void several_bodies(void **state) {
   check_control("bodies", scene, controlled("dop853", 1e-7, 0.1));
   check_control("bodies", scene, controlled("rk4", 1e-5, 0.1));
   msim_scene_destroy(scene);
+}
+
+/* n particles, some pinned, with few springs and angular springs between any of them */
+static msim_scene *scattered_scene(int32_t n, unsigned seed) {
+  const double k = 1, rest = 2;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int32_t p = 0; p < n; p++) {
+    const double x[3] = {uniform(&seed), uniform(&seed), uniform(&seed)};
+    assert_ok(msim_scene_add_particles(scene, 1, x, NULL, &k, err));
+    if (uniform(&seed) < 0.2) assert_ok(msim_scene_pin(scene, 1, &p, err));
+  }
+  for (int32_t m = (int32_t)(uniform(&seed) * n); m > 0; m--) {
+    const int32_t i = (int32_t)(uniform(&seed) * n), j = (i + 1 + m % 3 * 7) % n;
+    const int32_t ijk[3] = {i, j, (j + 1) % n};
+    if (m % 8) assert_ok(msim_scene_add_springs(scene, 1, ijk, &k, NULL, NULL, err));
+    else if (ijk[2] != i) assert_ok(msim_scene_add_angles(scene, 1, ijk, &k, &rest, NULL, err));
+  }
+  return scene;
+}
+
+enum { MOST_SCATTERED = 100 };
+typedef struct bodies_case {
+  const msim_scene *scene;
+  int32_t n, of[MOST_SCATTERED], size[MOST_SCATTERED]; /* as ranks have found: of each particle */
+} bodies_case;
+
+static const char *find_bodies(msim_comm *comm, void *data) {
+  bodies_case *c = data;
+  msim_options opt = controlled("dop853", 1e-6, 0.1);
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  opt.comm = comm;
+  EXPECT(msim_sim_create(c->scene, &opt, &sim, &why) == MSIM_OK);
+  const ms_norm *norm = &sim->islands->norm;
+  const ms_unknowns *rows = &sim->islands->model.unknowns;
+  EXPECT(is_common(comm, norm->n));
+  if (comm->rank == 0) c->n = norm->n;
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    const int32_t p = ms_rank_scene_get_particle(sim, rows->particle[r]);
+    c->of[p] = norm->body_of[r], c->size[p] = norm->body[norm->body_of[r]].n;
+  }
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+/* Free particles are in the same body if, and only if, they are in the same component of the scene,
+ * whose first particle has its number. */
+static void check_bodies(const bodies_case *c, const int32_t *of) {
+  const ms_scene *s = c->scene->data;
+  for (int32_t p = 0; p < s->nparticles; p++) {
+    int32_t size = 0;
+    for (int32_t q = 0; q < s->nparticles && of[p] >= 0; q++) {
+      size += of[q] == of[p];
+      if (of[q] >= 0) assert_int_equal(of[p] == of[q], c->of[p] == c->of[q]);
+    }
+    if (of[p] >= 0) assert_true(c->size[p] == size && c->of[p] >= 0 && c->of[p] < c->n);
+  }
+}
+
+static void bodies_are_components_of_the_scene(void **state) {
+  (void)state;
+  for (unsigned seed = 1; seed <= 60; seed++) {
+    const int32_t n = 20 + (int32_t)seed;
+    int32_t of[MOST_SCATTERED];
+    msim_scene *scene = scattered_scene(n, seed);
+    const int32_t count = ms_components_number_particles(scene->data, of);
+    for (int32_t ranks = 2; ranks <= MOST_RANKS; ranks++) {
+      bodies_case c = {.scene = scene};
+      const char *wrong = run_ranks(ranks, find_bodies, &c);
+      if (wrong) fail_msg("seed %u, %d ranks: %s", seed, ranks, wrong);
+      assert_int_equal(c.n, count);
+      check_bodies(&c, of);
+    }
+    msim_scene_destroy(scene);
+  }
 }
 
 /* Frames inside steps, by dense output, which evaluates forces */
@@ -236,9 +308,13 @@ static void shortest_steps_fail_on_all_ranks(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(estimates_of_methods), cmocka_unit_test(step_doubling),
-      cmocka_unit_test(several_bodies),       cmocka_unit_test(frames_inside_steps),
-      cmocka_unit_test(ranks_stop_together),  cmocka_unit_test(shortest_steps_fail_on_all_ranks),
+      cmocka_unit_test(estimates_of_methods),
+      cmocka_unit_test(step_doubling),
+      cmocka_unit_test(several_bodies),
+      cmocka_unit_test(bodies_are_components_of_the_scene),
+      cmocka_unit_test(frames_inside_steps),
+      cmocka_unit_test(ranks_stop_together),
+      cmocka_unit_test(shortest_steps_fail_on_all_ranks),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

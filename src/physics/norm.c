@@ -11,8 +11,11 @@
 #include "physics/external_force.h"
 #include "physics/law.h"
 #include "physics/moving_pins.h"
+#include "physics/rank_bodies.h"
 #include "physics/rank_model.h"
 #include "physics/scales.h"
+
+static const char MEMORY[] = "the error norm of step-size control";
 
 /* Sums and extremes over a body: nothing but doubles, so that ranks can share them */
 typedef struct ms_norm_sums {
@@ -24,32 +27,41 @@ typedef struct ms_norm_sums {
 
 /*------------------------------------- bodies ---------------------------------------------------*/
 
-/* body_of each unknown, and the bodies' sizes; of: scratch, nparticles. On several ranks bodies are
- * those of the scene. */
-static int number_bodies(const ms_model *model, int32_t *of, ms_norm *norm) {
+static int allocate_bodies(const ms_model *model, ms_norm *norm) {
   const msim_allocator *alloc = &model->scene->alloc;
-  const ms_unknowns *rows = &model->unknowns;
-  const int32_t n = model->rank_model ? model->scene->nparticles : rows->nfree;
-  if (model->rank_model) norm->n = ms_components_number_particles(model->scene, of);
-  else norm->n = ms_components_number(rows, &model->springs, &model->angles, of);
-  for (int32_t r = 0; r < rows->nfree; r++)
-    norm->body_of[r] = of[model->rank_model ? rows->particle[r] : r];
-  if (!MS_NEW(alloc, norm->body, norm->n + 1)) return 0;
-  for (int32_t i = 0; i < n; i++)
-    if (of[i] >= 0) norm->body[of[i]].n++;
-  return 1;
+  return MS_NEW(alloc, norm->body, norm->n + 1) && MS_NEW(alloc, norm->sums, norm->n + 1) &&
+         (!model->rank_model || MS_NEW(alloc, norm->most, norm->n + 1));
+}
+
+static void count_particles(const ms_model *model, const ms_norm *norm) {
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) norm->body[norm->body_of[r]].n++;
 }
 
 msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err) {
-  const msim_allocator *alloc = &model->scene->alloc;
-  int32_t *of = NULL;
   *norm = (ms_norm){0};
-  const int fits = MS_NEW(alloc, norm->body_of, model->unknowns.nfree + 1) &&
-                   MS_NEW(alloc, of, model->scene->nparticles) && number_bodies(model, of, norm) &&
-                   MS_NEW(alloc, norm->sums, norm->n + 1) &&
-                   (!model->rank_model || MS_NEW(alloc, norm->most, norm->n + 1));
-  ms_memory_free(alloc, of);
-  return fits ? MSIM_OK : ms_error_set_memory(err, "the error norm of step-size control");
+  int fits = MS_NEW(&model->scene->alloc, norm->body_of, model->unknowns.nfree + 1) != NULL;
+  if (fits && !model->rank_model) {
+    norm->n =
+        ms_components_number(&model->unknowns, &model->springs, &model->angles, norm->body_of);
+    fits = allocate_bodies(model, norm);
+    if (fits) count_particles(model, norm);
+  }
+  return fits ? MSIM_OK : ms_error_set_memory(err, MEMORY);
+}
+
+/* Sizes of bodies are sums over ranks. */
+msim_status ms_norm_connect(const ms_model *model, ms_norm *norm, msim_error *err) {
+  ms_ranks *ranks = ms_rank_model_ranks(model);
+  msim_status status = ms_rank_bodies_number(model, norm->body_of, &norm->n, err);
+  if (status) return status;
+  status = ms_ranks_agree_on_memory(ranks, allocate_bodies(model, norm), MEMORY, err);
+  if (status) return status;
+  double *sum = &norm->most->speed2; /* scratch */
+  count_particles(model, norm);
+  for (int32_t p = 0; p < norm->n; p++) sum[p] = norm->body[p].n;
+  ms_ranks_sum(ranks, norm->n, sum);
+  for (int32_t p = 0; p < norm->n && !ranks->failed; p++) norm->body[p].n = (int32_t)sum[p];
+  return ms_ranks_agree(ranks, MSIM_OK, err);
 }
 
 void ms_norm_destroy(const ms_model *model, ms_norm *norm) {

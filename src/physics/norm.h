@@ -28,7 +28,10 @@ typedef struct ms_norm {
   struct ms_norm_sums *most; /* n: scratch of several ranks; NULL: one process */
 } ms_norm;
 
+/* Where ranks share the scene the norm is complete once it is connected, which is collective, with
+ * the same status on all ranks. */
 msim_status ms_norm_create(const ms_model *model, ms_norm *norm, msim_error *err);
+msim_status ms_norm_connect(const ms_model *model, ms_norm *norm, msim_error *err);
 void ms_norm_destroy(const ms_model *model, ms_norm *norm);
 
 /* The scales of all bodies in the state x, v, for a run of length T = span (s); collective. */

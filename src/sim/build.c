@@ -161,8 +161,10 @@ msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *e
   for (int32_t i = 0; i < sim->nislands && !status; i++)
     status = create_island_stepper(sim, &sim->islands[i], err);
   status = ms_ranks_agree(sim->ranks, status, err);
-  ms_solver *solver = !status && sim->part ? sim->islands->stepper.solver : NULL;
-  return solver ? ms_solver_connect(solver, err) : status;
+  if (status || !sim->part) return status;
+  ms_island_sim *m = sim->islands;
+  if (ms_sim_has_control(sim)) status = ms_norm_connect(&m->model, &m->norm, err);
+  return status || !m->stepper.solver ? status : ms_solver_connect(m->stepper.solver, err);
 }
 
 static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, int32_t nislands) {

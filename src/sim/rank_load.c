@@ -65,19 +65,16 @@ static msim_status gather_parts(const msim_scene *scene, ms_ranks *ranks, ms_sce
 
 /*------------------------------------- parts ----------------------------------------------------*/
 
-/* Methods and scenes of which no rank needs more than its part: bounds of the whole scene, errors
- * and contact sets need it. */
+/* Methods and scenes of which no rank needs more than its part: contact sets need the whole. */
 static int may_distribute(const msim_options *opt, const ms_scene *s) {
   const ms_integrator *method;
   if (!opt->integrator || strcmp(opt->integrator, MS_AUTO) == 0 ||
       ms_methods_find(opt->integrator, &method, NULL))
     return 0;
-  if ((method->entry.implicit && ms_scene_constrains(s, opt->collision)) || method->is_multirate ||
-      (method->chooses_steps && opt->steps < 0))
+  if ((method->entry.implicit && ms_scene_constrains(s, opt->collision)) || method->is_multirate)
     return 0;
-  return opt->tol == 0 && opt->collision != MSIM_COLLISION_EVENT &&
-         opt->precision != MSIM_PRECISION_SINGLE && !ms_scene_has_self_contact(s) &&
-         !ms_collider_motion_is_there(s);
+  return opt->collision != MSIM_COLLISION_EVENT && opt->precision != MSIM_PRECISION_SINGLE &&
+         !ms_scene_has_self_contact(s) && !ms_collider_motion_is_there(s);
 }
 
 /* 1: the scene shares nothing with its part that has changed since it was loaded. */

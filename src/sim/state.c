@@ -7,6 +7,7 @@
 #include "physics/moving_pins.h"
 #include "physics/single.h"
 #include "sim/precision_check.h"
+#include "sim/rank_scene.h"
 #include "sim/step_driver.h"
 
 msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msim_error *err) {
@@ -40,7 +41,6 @@ msim_status ms_sim_check_state(const msim_sim *sim, const msim_state *state, msi
 /* A state outside the scene's plane needs three components. A split of the springs belongs to h. */
 static msim_status fit_components(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_scene *scene = sim->scene;
-  if (sim->kept) return MSIM_OK; /* which starts in the state for which it was built */
   int32_t axis = ms_planar_find_axis(scene, sim->config.opt.skip_off);
   if (axis >= 0 &&
       !(ms_planar_is_in_plane(scene, axis, state->x, state->v) &&
@@ -112,14 +112,26 @@ static void warn_lowered_step(const msim_sim *sim, const ms_plan *plan) {
               plan->h_asked, plan->h, (long long)plan->steps, sim->config.opt.t_end);
 }
 
+typedef struct run_scales {
+  double span;
+  ms_scales scales;
+} run_scales;
+
+static msim_status compute_scales(const ms_scene *scene, void *data, msim_error *err) {
+  run_scales *of = data;
+  return ms_scales_compute(scene, scene->x, scene->v, of->span, &of->scales, err);
+}
+
 static msim_status find_first_step(const msim_sim *sim, const double *x, const double *v,
                                    ms_plan *plan, msim_error *err) {
   const ms_control control =
       ms_control_make(sim->config.integrator, sim->config.opt.tol, ms_plan_span(plan));
-  ms_scales scales;
+  run_scales of = {.span = control.span};
   if (plan->h > 0) return MSIM_OK;
-  const msim_status status = ms_scales_compute(sim->scene, x, v, control.span, &scales, err);
-  if (!status) plan->h = plan->h_asked = ms_control_first_step(&control, &scales);
+  const msim_status status = sim->kept
+                                 ? ms_rank_scene_compute(sim, compute_scales, sizeof of, &of, err)
+                                 : ms_scales_compute(sim->scene, x, v, of.span, &of.scales, err);
+  if (!status) plan->h = plan->h_asked = ms_control_first_step(&control, &of.scales);
   return status;
 }
 
@@ -150,13 +162,14 @@ static void set_arrays(msim_sim *sim, const msim_state *state) {
   memmove(sim->state_v, state->v, bytes);
 }
 
+/* Ranks that have parts start in the state for which they were planned and built. */
 msim_status ms_sim_start(msim_sim *sim, const msim_state *state, msim_error *err) {
   const ms_plan plan = sim->config.plan;
   const ms_run_state run = sim->run;
   msim_status status = ms_precision_check(sim, err);
   if (!status && state->x != sim->scene->x) status = ms_sim_provide_arrays(sim, err);
-  if (!status) status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
-  if (!status) status = fit_components(sim, state, err);
+  if (!status && !sim->kept) status = ms_sim_make_plan(sim, state->t, state->x, state->v, err);
+  if (!status && !sim->kept) status = fit_components(sim, state, err);
   if (!status && sim->islands->self_contact)
     status = ms_self_contact_check(sim->islands->self_contact, state->n, state->x, err);
   if (status) {
