@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "drawn_scenes.h"
+#include "moving_colliders.h"
 #include "peak_allocator.h"
 #include "rank_failures.h"
 #include "scene_part_file.h"
@@ -79,6 +80,10 @@ static void creation_falls_with_ranks(void **state) {
   check_memory(scene, options("velocity-verlet", MSIM_H_AUTO));
   check_memory(scene, controlled("dop853", 1e-6, 0.002));
   check_memory(scene, controlled("linearly-implicit-euler", 1e-6, 0.002));
+  add(scene, sphere(0.5, 0.5, -0.3, 0.2, 0.5, 0), 0);
+  set_uniform(scene, (double[3]){0.5, 0.5, -0.3}, (double[3]){0, 0, 1}, NULL);
+  save(scene);
+  check_memory(scene, options("velocity-verlet", 1e-4));
   msim_scene_destroy(scene);
 }
 

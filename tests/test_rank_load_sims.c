@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#include "colliders.h"
 #include "drawn_scenes.h"
+#include "moving_colliders.h"
 #include "rank_runs.h"
 #include "scene_part_file.h"
 #include "sim/rank_scene.h"
@@ -66,6 +66,58 @@ static void runs_have_the_bits_of_one_process(void **state) {
     check_run_of_parts(scene, seed % 3 ? "velocity-verlet" : "rk4", 1e-3);
     msim_scene_destroy(scene);
   }
+}
+
+static const double moving_at[3] = {0.5, 0.5, -0.33}, moving_by[3] = {0.2, 0, 3},
+                    turning_by[3] = {0, 2, 0};
+
+static msim_scene *moving_box(void) {
+  msim_scene *scene = random_mesh(200, 9, 0);
+  msim_collider below = box(0.5, 0.5, -0.33, 2, 0.3, 0.2);
+  below.extent[2] = 0.6;
+  add(scene, below, 0);
+  return scene;
+}
+
+static void colliders_that_move(void **state) {
+  (void)state;
+  msim_scene *scene = moving_box();
+  set_uniform(scene, moving_at, moving_by, turning_by);
+  check_steps_of_parts(scene, options("velocity-verlet", 5e-4), 60);
+  check_steps_of_parts(scene, options("rk4", 5e-4), 60);
+  msim_scene_destroy(scene);
+}
+
+/* A motion that the file does not have, also once the scene has been gathered */
+static const char *run_late_motion(msim_comm *comm, void *data) {
+  const run *r = data;
+  msim_options opt = r->opt;
+  msim_error why = {0};
+  msim_state now = {.size = sizeof now};
+  msim_sim *sim;
+  msim_scene *part;
+  opt.comm = comm;
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &part, &why) == MSIM_OK);
+  set_uniform(part, moving_at, moving_by, turning_by);
+  EXPECT(msim_sim_create(part, &opt, &sim, &why) == MSIM_OK);
+  msim_scene_destroy(part);
+  EXPECT(msim_sim_step(sim, 5, &why) == MSIM_OK && msim_sim_state(sim, &now) == MSIM_OK);
+  EXPECT(msim_sim_step(sim, r->steps - 5, &why) == MSIM_OK);
+  const char *wrong = compare_with_run(sim, r);
+  msim_sim_destroy(sim);
+  return wrong;
+}
+
+static void motions_that_the_file_does_not_have(void **state) {
+  (void)state;
+  msim_scene *scene = moving_box();
+  save(scene);
+  set_uniform(scene, moving_at, moving_by, turning_by);
+  run r = run_alone(scene, options("velocity-verlet", 5e-4), 60);
+  const char *wrong = run_ranks(3, run_late_motion, &r);
+  if (wrong) fail_msg("%s", wrong);
+  free_run(&r);
+  msim_scene_destroy(scene);
 }
 
 /* Methods that carry other variables than x and v have the state of the scene before they begin. */
@@ -339,6 +391,8 @@ int main(void) {
   if (!mkdtemp(folder) || chdir(folder)) return 1;
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(runs_have_the_bits_of_one_process),
+      cmocka_unit_test(colliders_that_move),
+      cmocka_unit_test(motions_that_the_file_does_not_have),
       cmocka_unit_test(runs_start_in_the_state_of_the_scene),
       cmocka_unit_test(sims_of_parts_are_those_of_the_whole),
       cmocka_unit_test(steps_follow_from_all_parts),

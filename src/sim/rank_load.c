@@ -8,6 +8,7 @@
 #include "sim/rank_distribute.h"
 #include "sim/rank_gather.h"
 #include "sim/rank_rest.h"
+#include "sim/rank_sim.h"
 
 /*------------------------------------- checks ---------------------------------------------------*/
 
@@ -74,7 +75,7 @@ static int may_distribute(const msim_options *opt, const ms_scene *s) {
   if ((method->entry.implicit && ms_scene_constrains(s, opt->collision)) || method->is_multirate)
     return 0;
   return opt->collision != MSIM_COLLISION_EVENT && opt->precision != MSIM_PRECISION_SINGLE &&
-         !ms_scene_has_self_contact(s) && !ms_collider_motion_is_there(s);
+         !ms_scene_has_self_contact(s);
 }
 
 /* 1: the scene shares nothing with its part that has changed since it was loaded. */
@@ -82,7 +83,8 @@ static int is_as_loaded(const ms_scene *s, const ms_scene *rows) {
   return memcmp(&s->external, &rows->external, sizeof s->external) == 0 &&
          s->nplanes == rows->nplanes && s->ncolliders == rows->ncolliders &&
          s->self_contact.thickness == rows->self_contact.thickness &&
-         strcmp(s->name, rows->name) == 0;
+         strcmp(s->name, rows->name) == 0 &&
+         ms_rank_sim_hash_motions(0, s) == ms_rank_sim_hash_motions(0, rows);
 }
 
 /* Methods for forces of positions only refuse the first spring that is damped. */
