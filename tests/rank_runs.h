@@ -105,6 +105,12 @@ static inline const char *fail_rank(const msim_comm *comm, const char *what, con
   return text[comm->rank];
 }
 
+/* All ranks have these bits. */
+static inline int is_common(const msim_comm *comm, double number) {
+  double most[2] = {number, -number};
+  return comm->maximum(comm->self, 2, most) == MSIM_OK && most[0] == -most[1];
+}
+
 /* All ranks have the text of rank 0. */
 static inline int has_same_text(const msim_comm *comm, const char *text) {
   char first[1024] = {0};

@@ -13,12 +13,6 @@ typedef struct control_case {
   double off;
 } control_case;
 
-/* All ranks have these bits. */
-static int is_common(const msim_comm *comm, double number) {
-  double most[2] = {number, -number};
-  return comm->maximum(comm->self, 2, most) == MSIM_OK && most[0] == -most[1];
-}
-
 static const char *check_control_rank(msim_comm *comm, void *data) {
   control_case *c = data;
   msim_options opt = c->r.opt;

@@ -84,6 +84,7 @@ static void creation_falls_with_ranks(void **state) {
   set_uniform(scene, (double[3]){0.5, 0.5, -0.3}, (double[3]){0, 0, 1}, NULL);
   save(scene);
   check_memory(scene, options("velocity-verlet", 1e-4));
+  check_memory(scene, options("linearly-implicit-euler", 1e-4));
   msim_scene_destroy(scene);
 }
 
@@ -114,6 +115,9 @@ static void failures_of_one_rank_are_those_of_all(void **state) {
   check_failures(hanging_cloth(5, 300, 0), options("takahashi-imada", 1e-4), 0);
   check_failures(draw_scene(NULL, 7), controlled("dop853", 1e-6, 0.002), 0);
   check_failures(hanging_cloth(6, 300, 0.01), options("linearly-implicit-euler", 1e-4), 0);
+  msim_scene *above = hanging_cloth(5, 300, 0.01);
+  add(above, sphere(0.5, 0.5, -0.2001, 0.2, 0.5, 0), 0);
+  check_failures(above, options("linearly-implicit-euler", 1e-4), 0);
 }
 
 int main(void) {

@@ -12,15 +12,13 @@
 /*------------------------------------- creation -------------------------------------------------*/
 
 /* The reach (impacts.h) of the scene, not of the state at creation: so which particles touch planes
- * depends on the present state alone. Ranks are to agree on it. */
+ * depends on the present state alone. */
 static double find_reach(const ms_model *model) {
   const ms_scene *scene = model->scene;
-  const int32_t *particle = model->rank_model ? NULL : model->unknowns.particle;
-  const int32_t n = particle ? model->unknowns.stride : scene->nparticles;
+  const int32_t *particle = model->unknowns.particle;
   double reach = 0;
-  for (int32_t r = 0; r < n; r++)
-    if (!particle || particle[r] >= 0)
-      reach = fmax(reach, ms_vec3_norm(scene->x + 3 * (size_t)(particle ? particle[r] : r)));
+  for (int32_t r = 0; r < model->unknowns.stride; r++)
+    if (particle[r] >= 0) reach = fmax(reach, ms_vec3_norm(scene->x + 3 * (size_t)particle[r]));
   for (int32_t p = 0; p < scene->nplanes; p++) reach = fmax(reach, fabs(scene->planes[p].offset));
   for (int32_t i = 0; i < scene->ncolliders; i++) reach = fmax(reach, scene->solids[i].reach);
   return reach;
@@ -42,6 +40,10 @@ msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events
       MS_NEW(&scene->alloc, e->solid, tangents) &&
       MS_NEW(&scene->alloc, e->parts, ms_totals_count_parts(model));
   return fits ? MSIM_OK : ms_error_set_memory(err, "the contact set");
+}
+
+void ms_contact_set_connect(const ms_model *model, ms_contact_set *e) {
+  ms_ranks_maximum(ms_rank_model_ranks(model), 1, &e->reach);
 }
 
 ms_collision_planes ms_contact_set_planes(const ms_stepper *s) {

@@ -119,6 +119,9 @@ ms_collision_planes ms_contact_set_planes(const ms_stepper *s);
 
 /* After MSIM_ERR_MEMORY *events, or some of its members, are NULL, which destroy accepts. */
 msim_status ms_contact_set_create(const ms_model *model, ms_contact_set **events, msim_error *err);
+/* Ranks agree on the reach of the scene, of which each has a part; collective. A failure of the
+ * communicator is kept for the next agreement. */
+void ms_contact_set_connect(const ms_model *model, ms_contact_set *events);
 void ms_contact_set_destroy(const ms_model *model, ms_contact_set *events);
 
 /* As before the first step: nothing of the last one is known. Nullable: e. */

@@ -164,6 +164,7 @@ msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *e
   if (status || !sim->part) return status;
   ms_island_sim *m = sim->islands;
   if (ms_sim_has_control(sim)) status = ms_norm_connect(&m->model, &m->norm, err);
+  if (!status && m->stepper.events) ms_contact_set_connect(&m->model, m->stepper.events);
   return status || !m->stepper.solver ? status : ms_solver_connect(m->stepper.solver, err);
 }
 

@@ -66,15 +66,12 @@ static msim_status gather_parts(const msim_scene *scene, ms_ranks *ranks, ms_sce
 
 /*------------------------------------- parts ----------------------------------------------------*/
 
-/* Methods and scenes of which no rank needs more than its part: contact sets need the whole. */
+/* What ranks refuse they refuse of the whole scene. */
 static int may_distribute(const msim_options *opt, const ms_scene *s) {
   const ms_integrator *method;
-  if (!opt->integrator || strcmp(opt->integrator, MS_AUTO) == 0 ||
-      ms_methods_find(opt->integrator, &method, NULL))
-    return 0;
-  if ((method->entry.implicit && ms_scene_constrains(s, opt->collision)) || method->is_multirate)
-    return 0;
-  return opt->collision != MSIM_COLLISION_EVENT && opt->precision != MSIM_PRECISION_SINGLE &&
+  return opt->integrator && strcmp(opt->integrator, MS_AUTO) != 0 &&
+         !ms_methods_find(opt->integrator, &method, NULL) && !method->is_multirate &&
+         opt->collision != MSIM_COLLISION_EVENT && opt->precision != MSIM_PRECISION_SINGLE &&
          !ms_scene_has_self_contact(s);
 }
 

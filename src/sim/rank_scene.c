@@ -48,13 +48,13 @@ ms_rank_scene *ms_rank_scene_create_from(const ms_scene_part *part) {
 
 /*------------------------------------- division -------------------------------------------------*/
 
-/* Laws, angular springs, force functions and contact sets refer to the whole scene. Arrays of the
- * whole state, as with motions of pins and after a change of the scene, take about as much. The
- * same on all ranks. */
+/* Laws, angular springs and force functions refer to the whole scene. Arrays of the whole state, as
+ * with motions of pins and after a change of the scene, take about as much. The same on all ranks.
+ */
 static int may_divide(const msim_sim *sim) {
   const ms_scene *s = sim->scene;
   return sim->part && !sim->kept && !sim->state_x && s->nlaws == 0 && s->angles.n == 0 &&
-         !ms_scene_has_function(s) && !sim->islands->stepper.events;
+         !ms_scene_has_function(s);
 }
 
 /* Number those of n whose place is not -1, and list them. Returns 0 without memory. */
