@@ -383,6 +383,54 @@ static void the_first_damped_spring_is_refused(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Options that ranks refuse, and no method: creation says the same of parts and of the whole. */
+static const char *compare_refusals(msim_comm *comm, void *data) {
+  msim_options opt = *(const msim_options *)data;
+  msim_error why = {0}, whys[2];
+  msim_scene *scenes[2];
+  msim_sim *sim;
+  opt.comm = comm;
+  EXPECT(msim_scene_load_part(NULL, path, comm->rank, comm->nranks, &scenes[0], &why) == MSIM_OK);
+  EXPECT(msim_scene_load(NULL, path, &scenes[1], &why) == MSIM_OK);
+  for (int i = 0; i < 2; i++) {
+    EXPECT(msim_sim_create(scenes[i], &opt, &sim, &whys[i]) != MSIM_OK && !sim);
+    msim_scene_destroy(scenes[i]);
+  }
+  EXPECT(strcmp(whys[0].text, whys[1].text) == 0);
+  return NULL;
+}
+
+static void check_refusals(const msim_scene *scene, msim_options opt) {
+  save(scene);
+  const char *wrong = run_ranks(3, compare_refusals, &opt);
+  if (wrong) fail_msg("%s", wrong);
+}
+
+static void refusals_are_those_of_the_whole_scene(void **state) {
+  (void)state;
+  const char *const methods[] = {NULL, "auto", "respa", "no method"};
+  const msim_plane plane = {.normal = {0, 0, 1}, .offset = -0.2};
+  msim_scene *scene = hanging_cloth(9, 300, 0.01);
+  msim_options opt = options("velocity-verlet", 1e-3);
+  opt.steps = -1, opt.t_end = 0.1;
+  for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
+    opt.integrator = methods[i];
+    check_refusals(scene, opt);
+  }
+  opt.integrator = "velocity-verlet", opt.precision = MSIM_PRECISION_SINGLE;
+  check_refusals(scene, opt);
+  opt = options("velocity-verlet", 1e-3);
+  opt.collision = MSIM_COLLISION_EVENT;
+  check_steps_of_parts(scene, opt, 20); /* without obstacles */
+  assert_ok(msim_scene_add_plane(scene, &plane, err));
+  check_refusals(scene, opt);
+  check_refusals(scene, controlled("dop853", 1e-6, 0.1));
+  opt.collision = options("rk4", 1).collision;
+  assert_ok(msim_scene_set_self_contact(scene, 0.01, 0.1, err));
+  check_refusals(scene, opt);
+  msim_scene_destroy(scene);
+}
+
 /* More ranks than free particles: the scene is gathered. */
 static void ranks_without_particles(void **state) {
   (void)state;
@@ -406,6 +454,7 @@ int main(void) {
       cmocka_unit_test(errors_are_those_of_the_whole_scene),
       cmocka_unit_test(implicit_methods_have_the_bits_of_the_whole_scene),
       cmocka_unit_test(the_first_damped_spring_is_refused),
+      cmocka_unit_test(refusals_are_those_of_the_whole_scene),
       cmocka_unit_test(ranks_without_particles),
   };
   const int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -66,15 +66,6 @@ static msim_status gather_parts(const msim_scene *scene, ms_ranks *ranks, ms_sce
 
 /*------------------------------------- parts ----------------------------------------------------*/
 
-/* What ranks refuse they refuse of the whole scene. */
-static int may_distribute(const msim_options *opt, const ms_scene *s) {
-  const ms_integrator *method;
-  return opt->integrator && strcmp(opt->integrator, MS_AUTO) != 0 &&
-         !ms_methods_find(opt->integrator, &method, NULL) && !method->is_multirate &&
-         opt->collision != MSIM_COLLISION_EVENT && opt->precision != MSIM_PRECISION_SINGLE &&
-         !ms_scene_has_self_contact(s);
-}
-
 /* 1: the scene shares nothing with its part that has changed since it was loaded. */
 static int is_as_loaded(const ms_scene *s, const ms_scene *rows) {
   return memcmp(&s->external, &rows->external, sizeof s->external) == 0 &&
@@ -93,15 +84,14 @@ static int is_damped(const ms_scene *rows) {
 
 static int is_separable(const msim_options *opt) {
   const ms_integrator *method;
-  return !ms_methods_find(opt->integrator, &method, NULL) && method->separable;
+  return opt->integrator && !ms_methods_find(opt->integrator, &method, NULL) && method->separable;
 }
 
 /* The same on all ranks; each has free particles then. */
 static int distributes(const msim_scene *scene, const msim_options *opt, ms_ranks *ranks) {
   const ms_scene *rows = scene->part->rows;
   double sums[2] = {0}; /* ranks that do not, and free particles */
-  sums[0] = !may_distribute(opt, scene->data) || !is_as_loaded(scene->data, rows) ||
-            (is_separable(opt) && is_damped(rows));
+  sums[0] = !is_as_loaded(scene->data, rows) || (is_separable(opt) && is_damped(rows));
   for (int32_t p = 0; p < rows->nparticles; p++) sums[1] += !rows->pinned[p];
   ms_ranks_sum(ranks, 2, sums);
   return sums[0] == 0 && sums[1] >= ranks->n;
