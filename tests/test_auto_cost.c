@@ -406,6 +406,24 @@ static void a_damped_pilot_run_has_long_steps(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A choice for a run of so many steps costs no more than the pilot run's 16384, and three times
+ * 1024 for each trial, of which four are the most here; by methods of 13 evaluations at most. */
+static void the_choice_for_a_long_run_is_bounded(void **state) {
+  (void)state;
+  const double pilot = 16384, trials = 4 * 3 * 1024 * 13.;
+  msim_scene *scene = hanging_cloth(9, 3e4, 0.05);
+  for (double t_end = 1e3; t_end < 1e7; t_end *= 100) {
+    const msim_options opt = options_of("auto", 1e-6, t_end);
+    msim_sim *sim = make_sim(scene, &opt);
+    const ms_method_choice *s = &sim->config.choice;
+    print_message("  for %g s the choice costs %.0f evaluations\n", t_end, s->total_cost);
+    assert_true(s->total_cost < 2 * pilot + trials);
+    assert_true(s->pilot_time < t_end / 8);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
 /* A block at rest meets the plane after a quarter of the run, t = sqrt(2 z/g): the choice costs the
  * steps until there, up to 1/64 of the run more, and two trials, by reflected and by located
  * impacts, of three times 1/14 of the run each. */
@@ -444,6 +462,7 @@ int main(void) {
                                      cmocka_unit_test(error_control_where_damping_limits_steps),
                                      cmocka_unit_test(error_control_has_no_floats),
                                      cmocka_unit_test(a_damped_pilot_run_has_long_steps),
+                                     cmocka_unit_test(the_choice_for_a_long_run_is_bounded),
                                      cmocka_unit_test(an_impact_is_reached_once)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -162,10 +162,12 @@ static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, int64
   return MSIM_OK;
 }
 
-/* 1/120 of the run: a trial costs three times that. With planes 1/14, to pass the first impact. */
+/* 1/120 of the run, at most 1024 steps: a trial costs three times that. With planes 1/14, to pass
+ * the first impact. */
 double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
-  const double SHARE = p->planes_count ? 1. / 14 : 1. / 120;
-  return fmax(1, round(SHARE * p->span / h));
+  const double MOST = 1024;
+  const double steps = p->planes_count ? p->span / 14 / h : fmin(MOST, p->span / 120 / h);
+  return fmax(1, round(steps));
 }
 
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
@@ -266,9 +268,10 @@ static void start_trials_at_impact(ms_pilot_run *p, msim_sim *sim, double began)
 
 /* The pilot run in parts of 1/64 of the run; it also stops in its middle and at its end. */
 static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_error *err) {
+  const double MOST = 8192; /* steps in half of it: long runs are not chosen for at greater cost */
   const double h = pilot->h;
   const int64_t part = (int64_t)fmax(1, round(p->span / h / 64)),
-                half = (int64_t)fmax(1, round(p->span / h / 16));
+                half = (int64_t)fmax(1, fmin(MOST, round(p->span / h / 16)));
   double began = 0, flown = 0;
   msim_sim *sim;
   msim_status status = start_method(p, pilot, &p->start, &sim, err);

@@ -2,14 +2,14 @@
  * auto
  *
  * Velocity Verlet, or rkc where damping is strong, makes the pilot run, the first eighth of the
- * run, in parts of 1/64 of the run; where a plane could be met soon after, up to there. If it meets
- * no plane, planes do not count until one is close (step_verification.h), and methods are tried
- * from its end. Otherwise it ends with the part of the first impact, and they are tried from the
- * start of that: steps of h and twice as many of h/2 give the error of h by Richardson
- * extrapolation; it is assumed to grow linearly over the run. A start at rest is not typical: the
- * growth of errors in the second half of the pilot run is assumed to occur once more, and twice if
- * nothing is damped. Verification detects larger growth. After a sixteenth of the run, errors of a
- * hanging cloth would be foreseen 30 times too small. */
+ * run, but no more than 16384 steps, in parts of 1/64 of the run; where a plane could be met soon
+ * after, up to there. If it meets no plane, planes do not count until one is close
+ * (step_verification.h), and methods are tried from its end. Otherwise it ends with the part of the
+ * first impact, and they are tried from the start of that: steps of h and twice as many of h/2 give
+ * the error of h by Richardson extrapolation; it is assumed to grow linearly over the run. A start
+ * at rest is not typical: the growth of errors in the second half of the pilot run is assumed to
+ * occur once more, and twice if nothing is damped. Verification detects larger growth. After a
+ * sixteenth of the run, errors of a hanging cloth would be foreseen 30 times too small. */
 #ifndef MS_PILOT_RUN_H
 #define MS_PILOT_RUN_H
 
