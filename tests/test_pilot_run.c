@@ -1,0 +1,124 @@
+/* Tests of the pilot run of integrator = auto: how far it goes without planes and to an impact,
+ * from where methods are tried, and which scenes have many particles. */
+#include <math.h>
+
+#include "auto_scenes.h"
+#include "choose/pilot_run.h"
+#include "methods/methods.h"
+
+#define GRAVITY 9.81
+
+/* A run of so many steps of the pilot run. Its parts have round(STEPS/64) = 5 steps, and its half
+ * round(STEPS/16) = 19, no multiple. */
+enum { STEPS = 300, PART = 5, HALF = 19 };
+
+/* The step of the pilot run of a dumbbell of two particles of 1 kg: omega^2 = 2 k */
+#define STEP (MS_STABLE_FRACTION * 2 / sqrt(2 * 1000.))
+
+typedef struct flight {
+  msim_scene *scene;
+  msim_sim *sim;
+  ms_pilot_run run;
+} flight;
+
+/* The pilot run of a level dumbbell that starts at height z with velocity v, in free flight until
+ * it meets the plane z = 0 */
+static void fly(double z, double v, flight *f) {
+  const double x[6] = {0, 0, z, 1, 0, z}, speed[6] = {0, 0, v, 0, 0, v}, mass[2] = {1, 1};
+  const double k = 1000, rest = 1, g[3] = {0, 0, -GRAVITY};
+  const int32_t ij[2] = {0, 1};
+  const msim_options opt = options_of("auto", 1e-2, STEPS * STEP);
+  assert_ok(msim_scene_create(NULL, &f->scene, err));
+  assert_ok(msim_scene_add_particles(f->scene, 2, x, speed, mass, err));
+  assert_ok(msim_scene_add_springs(f->scene, 1, ij, &k, &rest, NULL, err));
+  assert_ok(msim_scene_set_gravity(f->scene, g, err));
+  plane(f->scene, 0, 0, 1, 0, 0.5, 0);
+  f->sim = make_sim(f->scene, &opt);
+  const msim_state start = state_of(f->sim);
+  assert_ok(ms_pilot_run_begin(f->sim, opt.tol, 0, &start, &f->run, err));
+  assert_ok(ms_pilot_run_make(&f->run, err));
+}
+
+static void end_flight(flight *f) {
+  ms_pilot_run_end(&f->run);
+  msim_sim_destroy(f->sim);
+  msim_scene_destroy(f->scene);
+}
+
+static void assert_steps(double time, int steps) { assert_close(time, steps * STEP, 1e-9); }
+
+/* It ends with the part of the impact. Methods are tried from the start of that part. */
+static void it_ends_with_the_part_of_an_impact(void **state) {
+  (void)state;
+  /* the first at a time that is a multiple of HALF, too, and before the part ends */
+  const int impacts[] = {3 * HALF - 1, 66};
+  for (size_t i = 0; i < sizeof impacts / sizeof *impacts; i++) {
+    const double t = (impacts[i] - 0.5) * STEP, z = GRAVITY * t * t / 2;
+    const int began = impacts[i] / PART * PART, end = began + PART;
+    flight f;
+    fly(z, 0, &f);
+    assert_true(f.run.met_plane && f.run.planes_count);
+    assert_steps(f.run.duration, end);
+    assert_steps(f.run.span - f.run.remaining, began);
+    const double fallen = GRAVITY * pow(began * STEP, 2) / 2;
+    assert_close(f.run.end.x[2], z - fallen, 1e-9 * z);
+    assert_close(f.run.end.v[2], -GRAVITY * began * STEP, 1e-9 * GRAVITY * t);
+    assert_true(f.run.middle.v[2] > f.run.end.v[2]); /* after the impact */
+    end_flight(&f);
+  }
+}
+
+/* A plane that is close at the start counts: the flight goes on to an impact in mid-run. */
+static void it_flies_to_an_impact_where_a_plane_is_close(void **state) {
+  (void)state;
+  const int impact = STEPS / 2;
+  flight f;
+  fly(1e-6, GRAVITY * impact * STEP / 2, &f);
+  assert_true(f.run.met_plane && f.run.planes_count);
+  assert_true(f.run.duration > impact * STEP && f.run.duration < (impact + 2 * PART) * STEP);
+  end_flight(&f);
+}
+
+/* A plane that is far counts only if the impact is in the first third of the run. */
+static void far_planes_do_not_count(void **state) {
+  (void)state;
+  const double t = STEPS / 2 * STEP, z = GRAVITY * t * t / 2;
+  flight f;
+  fly(z, 0, &f);
+  assert_true(!f.run.met_plane && !f.run.planes_count);
+  assert_steps(f.run.duration, 2 * HALF);
+  assert_close(f.run.remaining, f.run.span, 0);
+  const double half = HALF * STEP;
+  assert_close(f.run.middle.x[2], z - GRAVITY * half * half / 2, 1e-9 * z);
+  assert_close(f.run.end.x[2], z - 2 * GRAVITY * half * half, 1e-9 * z);
+  end_flight(&f);
+}
+
+/* Fewer than 12 free particles are few, 64 are many. */
+static void free_particles_are_counted(void **state) {
+  (void)state;
+  static const struct {
+    int n, few, many;
+  } row[] = {{12, 1, 0}, {13, 0, 0}, {64, 0, 0}, {65, 0, 1}}; /* one is pinned */
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    msim_scene *scene = swing(row[i].n, 500, 0);
+    const msim_options opt = options_of("velocity-verlet", 0, 0.01);
+    msim_sim *sim = make_sim(scene, &opt);
+    const msim_state start = state_of(sim);
+    ms_pilot_run run;
+    assert_ok(ms_pilot_run_begin(sim, 1e-2, 0, &start, &run, err));
+    assert_int_equal(run.few, row[i].few);
+    assert_int_equal(run.many, row[i].many);
+    ms_pilot_run_end(&run);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(it_ends_with_the_part_of_an_impact),
+                                     cmocka_unit_test(it_flies_to_an_impact_where_a_plane_is_close),
+                                     cmocka_unit_test(far_planes_do_not_count),
+                                     cmocka_unit_test(free_particles_are_counted)};
+  return cmocka_run_group_tests_name("pilot_run", tests, NULL, NULL);
+}
