@@ -11,28 +11,30 @@
  *
  * Newton's method also converges to equilibria that are no minimum, as a straight column under its
  * buckling load. So M + h^2 K is factored at the end: if it is not positive definite, the search
- * continues from a small displacement along the motion with the most negative stiffness. */
+ * continues from a small displacement along the motion with the most negative stiffness.
+ *
+ * With planes or colliders contact_step.h makes the steps, and the matrix has the contacts. */
 #include <math.h>
 #include <string.h>
 
 #include "base/sized.h"
 #include "base/vec3.h"
-#include "contact/contact_set.h"
-#include "layout/components.h"
+#include "contact/contact_curvature.h"
 #include "physics/bounds.h"
+#include "statics/contact_step.h"
 #include "statics/static_sim.h"
+#include "statics/support.h"
 
 typedef struct search {
-  msim_sim *of;  /* whose equilibrium is wanted */
-  msim_sim *sim; /* static_sim.h */
-  double *x;     /* 3n: the present positions */
-  double *force; /* 3n: that nothing balances there */
-  double h;
-  double energy;   /* J, with obstacles: elastic and potential */
-  double length;   /* m: mean_length() at the start */
-  double omega;    /* 1/s: a bound of the highest frequency */
-  double accepted; /* N: the largest force at the end of the search */
-  int32_t most;    /* iterations of Newton's method */
+  msim_sim *of;     /* whose equilibrium is wanted */
+  msim_sim *sim;    /* static_sim.h */
+  double *x;        /* 3n: the present positions */
+  double *force;    /* 3n: that nothing balances there */
+  double h, radius; /* of the next step (contact_step.h) */
+  double length;    /* m: mean_length() at the start */
+  double omega;     /* 1/s: a bound of the highest frequency */
+  double accepted;  /* N: the largest force at the end of the search */
+  int32_t most;     /* iterations of Newton's method */
   msim_equilibrium result;
 } search;
 
@@ -51,7 +53,6 @@ static void measure_forces(search *s) {
 static msim_status find_forces(search *s, msim_error *err) {
   const ms_scene *scene = s->sim->scene;
   ms_stepper *stepper = &s->sim->islands->stepper;
-  msim_energy now = {.size = sizeof now};
   if (!ms_scene_has_obstacles(scene)) msim_sim_force(s->sim, s->x, scene->v, s->force);
   else {
     const msim_status status = ms_static_sim_start(s->sim, s->x, s->h, err);
@@ -62,8 +63,6 @@ static msim_status find_forces(search *s, msim_error *err) {
       s->force[i] = scene->pinned[i / 3] ? 0 : scene->mass[i / 3] * s->force[i];
   }
   measure_forces(s);
-  msim_sim_energy(s->sim, &now);
-  s->energy = now.total;
   return MSIM_OK;
 }
 
@@ -96,60 +95,16 @@ static double mean_length(const search *s) {
 
 static int32_t iterations_left(const search *s) { return s->most - s->result.iterations; }
 
-/*------------------------------------- bodies without support -----------------------------------*/
-
-/* A body that an edge connects with a pinned particle is supported: its sum becomes NAN. */
-static void mark_support(int32_t i, int32_t j, double *sum) {
-  if (i < 0 && j >= 0) sum[3 * (size_t)j] = NAN;
-  if (j < 0 && i >= 0) sum[3 * (size_t)i] = NAN;
-}
-
-/* sum: the force on each body; NAN: it is supported. of: the body of a particle, < 0 if pinned */
-static void sum_forces(const search *s, const int32_t *of, double *sum) {
-  const ms_scene *scene = s->sim->scene;
-  for (int32_t p = 0; p < scene->nparticles; p++)
-    if (of[p] >= 0) ms_vec3_axpy(1, s->force + 3 * (size_t)p, sum + 3 * (size_t)of[p]);
-  for (size_t e = 0; e < (size_t)scene->nsprings; e++)
-    mark_support(of[scene->ij[2 * e]], of[scene->ij[2 * e + 1]], sum);
-  for (size_t e = 0; e < (size_t)scene->angles.n; e++) {
-    const int32_t *ijk = scene->angles.ijk + 3 * e;
-    mark_support(of[ijk[0]], of[ijk[1]], sum);
-    mark_support(of[ijk[1]], of[ijk[2]], sum);
-  }
-}
-
-/* MSIM_NOT_CONVERGED: no pinned particle and no obstacle supports a body on which a force acts; a
- * force function may balance it elsewhere. */
-static msim_status check_support(const search *s, msim_error *err) {
-  const ms_scene *scene = s->sim->scene;
-  double *sum = NULL;
-  int32_t *of, p = 0;
-  msim_status status = MSIM_OK;
-  if (ms_scene_has_obstacles(scene) || ms_scene_has_function(scene)) return MSIM_OK;
-  const int fits = MS_NEW(&scene->alloc, of, scene->nparticles) != NULL;
-  const int32_t n = fits ? ms_components_number_particles(scene, of) : 0;
-  if (!fits || !MS_NEW(&scene->alloc, sum, 3 * (size_t)n)) {
-    MS_FREE(&scene->alloc, of, sum);
-    return ms_error_set_memory(err, "the equilibrium");
-  }
-  sum_forces(s, of, sum);
-  while (p < scene->nparticles &&
-         !(of[p] >= 0 && ms_vec3_norm(sum + 3 * (size_t)of[p]) > s->accepted))
-    p++;
-  if (p < scene->nparticles)
-    status = ms_error_set(err, MSIM_NOT_CONVERGED,
-                          "there is no equilibrium: a force of %.3g N moves the body of particle "
-                          "%d, which is connected to no pinned particle",
-                          ms_vec3_norm(sum + 3 * (size_t)of[p]), p);
-  MS_FREE(&scene->alloc, of, sum);
-  return status;
-}
-
-/* MSIM_NOT_CONVERGED: the search follows a particle that nothing holds, as a spring that only
- * pushes lets it go: it is FAR from its start. */
+/* MSIM_NOT_CONVERGED: the search follows a body past all obstacles, or a particle that nothing
+ * holds, as a spring that only pushes lets it go: it is FAR from its start. */
 static msim_status check_distance(const search *s, msim_error *err) {
   const double FAR = 1e8 * s->length;
-  for (int32_t p = 0; p < s->sim->scene->nparticles; p++) {
+  const ms_scene *scene = s->sim->scene;
+  if (ms_scene_has_obstacles(scene)) {
+    const msim_status status = ms_support_check(scene, s->x, s->accepted, err);
+    if (status) return status;
+  }
+  for (int32_t p = 0; p < scene->nparticles; p++) {
     const double moved = distance(s->sim->scene->x + 3 * (size_t)p, s->x + 3 * (size_t)p);
     if (moved > FAR)
       return ms_error_set(
@@ -200,19 +155,32 @@ static void leave_saddle(search *s, double *v) {
   s->result.saddles++;
 }
 
+/* 1: the matrix of the sim, at rest in x, with the constraints by contacts that are found, is that
+ * of all small motions: friction excludes none, and curvature is exact. */
+static int find_contacts(const search *s) {
+  ms_stepper *stepper = &s->sim->islands->stepper;
+  double *const x = stepper->x, *const v = stepper->v;
+  if (!ms_scene_has_obstacles(s->sim->scene)) return 1;
+  if (!(stepper->model->features & MS_HAS_SPRINGS)) return 0; /* the matrix takes no constraints */
+  ms_contact_curvature_update(stepper);
+  stepper->x = x, stepper->v = v;
+  for (int32_t i = 0; i < stepper->events->ncontacts; i++)
+    if (stepper->events->contact[i].has_friction) return 0;
+  return ms_contact_curvature_make_constraints(stepper, s->h, -INFINITY);
+}
+
 /* *left: the equilibrium was no minimum, and x has moved away from it. */
 static msim_status check_minimum(search *s, int *left, msim_error *err) {
   ms_stepper *stepper = &s->sim->islands->stepper;
   const double longest = longest_step(s);
   double *b = stepper->work[0], *v = stepper->work[1];
-  *left = 0;
-  s->result.is_minimum = !ms_scene_has_obstacles(s->sim->scene);
-  if (!s->result.is_minimum) return MSIM_OK;
+  *left = s->result.is_minimum = 0;
   msim_status status = ms_static_sim_start(s->sim, s->x, longest, err);
-  if (status) return status;
+  if (status || !find_contacts(s)) return status;
   ms_vector_fill_random(stepper->model->shape, 0, b);
   status = ms_static_sim_solve(s->sim, longest, b, v, err);
-  if (status == MSIM_NOT_CONVERGED) return s->result.is_minimum = 0, MSIM_OK;
+  s->result.is_minimum = !status;
+  if (status == MSIM_NOT_CONVERGED) return MSIM_OK;
   if (status != MSIM_NOT_SPD) return status;
   status = find_unstable_motion(s, b, v, err);
   if (!status) leave_saddle(s, v);
@@ -222,8 +190,9 @@ static msim_status check_minimum(search *s, int *left, msim_error *err) {
 
 /*------------------------------------- search ---------------------------------------------------*/
 
-/* One step of h from rest in x; *fast: Newton's method took few iterations. */
-static msim_status make_step(search *s, int *fast, msim_error *err) {
+/* One step of h from rest in x. The next one is longer if Newton's method takes few iterations, and
+ * shorter if it fails. */
+static msim_status make_free_step(search *s, msim_error *err) {
   enum { FEW = 10 };
   msim_state now = {.size = sizeof now};
   const int64_t before = s->sim->stats.newton_iterations;
@@ -232,11 +201,26 @@ static msim_status make_step(search *s, int *fast, msim_error *err) {
   if (!status) status = ms_sim_make_steps(s->sim, 1, err);
   const int32_t made = (int32_t)(s->sim->stats.newton_iterations - before);
   s->result.iterations += made;
-  if (status) return status;
+  if (status) return s->h /= 10, status;
   msim_sim_state(s->sim, &now);
   memcpy(s->x, now.x, 3 * (size_t)now.n * sizeof *s->x);
-  *fast = made <= FEW;
+  if (made <= FEW) s->h *= 10;
   return MSIM_OK;
+}
+
+static msim_status make_contact_step(search *s, msim_error *err) {
+  ms_contact_step step = {
+      .h = s->h, .radius = s->radius, .length = s->length, .most = iterations_left(s)};
+  const msim_status status = ms_contact_step_make(&step, s->sim, s->x, err);
+  s->h = step.h, s->radius = step.radius;
+  s->result.iterations += step.solves;
+  return status;
+}
+
+static msim_status make_step(search *s, msim_error *err) {
+  const msim_status status = ms_static_sim_check_stop(s->of, err);
+  if (status) return status;
+  return ms_scene_has_obstacles(s->sim->scene) ? make_contact_step(s, err) : make_free_step(s, err);
 }
 
 static msim_status fail(const search *s, msim_error *err) {
@@ -244,31 +228,24 @@ static msim_status fail(const search *s, msim_error *err) {
                       "no equilibrium was found in %d iterations of Newton's method: %.3g N are "
                       "left on particle %d, and %.3g N are accepted; allow more iterations, or "
                       "check that the particles are supported",
-                      s->most, s->result.force, s->result.particle, s->accepted);
+                      s->result.iterations, s->result.force, s->result.particle, s->accepted);
 }
 
 /* h within [LEAST, MOST] of its first value */
 static msim_status find_equilibrium(search *s, int is_last, msim_error *err) {
-  const double GROWTH = 10, MOST = 1e8, LEAST = 1e-8, first = s->h;
+  const double MOST = 1e8, LEAST = 1e-8, first = s->h;
   while (iterations_left(s) > 0 && s->h > LEAST * first) {
-    int fast = 0, left = 0;
-    const double force = s->result.force, energy = s->energy;
-    msim_status status = ms_static_sim_check_stop(s->of, err);
-    if (!status) status = make_step(s, &fast, err);
+    int left = 0;
+    msim_status status = make_step(s, err);
+    s->h = fmin(s->h, MOST * first);
     if (status < 0 || status == MSIM_STOPPED) return status;
-    if (status) {
-      s->h /= GROWTH;
-      continue;
-    }
+    if (status) continue;
     status = find_forces(s, err);
     if (!status) status = check_distance(s, err);
     if (status) return status;
     const int is_small = s->result.force <= s->accepted;
     if (is_small && is_last) status = check_minimum(s, &left, err);
     if (status || (is_small && !left)) return status;
-    const int gains = s->result.force < force || s->energy < energy;
-    if (!gains && ms_scene_has_obstacles(s->sim->scene)) s->h /= GROWTH;
-    else if (!left && fast) s->h = fmin(GROWTH * s->h, MOST * first);
   }
   return fail(s, err);
 }
@@ -285,10 +262,10 @@ static msim_status begin_search(search *s, msim_error *err) {
   s->omega = bounds.omega > 0 ? bounds.omega : 1;
   s->h = 10 / s->omega;
   memcpy(s->x, scene->x, n * sizeof *s->x);
-  s->length = mean_length(s);
+  s->length = s->radius = mean_length(s);
   msim_sim_force(s->sim, s->x, scene->v, s->force);
   measure_forces(s);
-  return check_support(s, err);
+  return ms_support_check(scene, s->x, s->accepted, err);
 }
 
 /* Conjugate gradients find the way in far less time than a direct solver, which is needed for the

@@ -1,7 +1,9 @@
 #include "statics/static_sim.h"
 
+#include <math.h>
 #include <string.h>
 
+#include "contact/contact_curvature.h"
 #include "linear/backends.h"
 #include "methods/methods.h"
 #include "scene/motions.h"
@@ -86,9 +88,13 @@ msim_status ms_static_sim_start(msim_sim *sim, const double *x, double h, msim_e
 
 msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double *v,
                                 msim_error *err) {
-  const ms_stepper *s = &sim->islands->stepper;
-  const ms_linear_system_spec spec = {.x = s->x, .h = h, .indefinite = -1, .rtol = MS_STATIC_RTOL};
+  ms_stepper *s = &sim->islands->stepper;
+  ms_linear_system_spec spec = {.x = s->x, .h = h, .indefinite = -1, .rtol = MS_STATIC_RTOL};
   ms_stepper_linearize(s, s->x, s->v);
+  if (s->events && s->model->features & MS_HAS_SPRINGS) {
+    ms_contact_curvature_make_constraints(s, h, -INFINITY);
+    spec.constraint = s->events->constraint, spec.nconstraints = s->events->ncontacts;
+  }
   return ms_solver_solve(s->solver, &spec, b, v, err);
 }
 

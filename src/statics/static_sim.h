@@ -26,8 +26,9 @@ msim_status ms_static_sim_start(msim_sim *sim, const double *x, double h, msim_e
 /* Relative residual of linear systems: modes need solutions to rounding. */
 #define MS_STATIC_RTOL 1e-12
 
-/* A(x, h) = M + h^2 K of the sim's one system in the present positions: v = A^-1 b. MSIM_NOT_SPD:
- * K has an eigenvalue below -1/h^2, with respect to M. */
+/* A(x, h) = M + h^2 K of the sim's one system in the present positions: v = A^-1 b, in which the
+ * contacts of its stepper, if it has found any, hold particles. MSIM_NOT_SPD: K has an eigenvalue
+ * below -1/h^2, with respect to M. */
 msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double *v,
                                 msim_error *err);
 
