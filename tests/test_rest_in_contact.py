@@ -214,7 +214,7 @@ class RestInContact(CliTest):
         self.scene(Obstacles(spheres=[([0, 0, 0], 1, False)]).add_to(balanced.json()))
         status, out, err = self.cli("rest", "scene.json", "--final", "rest.json")
         self.assertEqual((status, out), (2, ""))
-        self.assert_sentence(err, "no equilibrium near the start", "1.96 N", "past all obstacles")
+        self.assert_sentence(err, "no equilibrium near the start", "1.96 N", "held by no obstacle")
         self.assertEqual(self.files(), ["scene.json"])
 
     def test_friction_holds_a_bar_on_a_ball(self):
@@ -231,7 +231,42 @@ class RestInContact(CliTest):
                 self.scene(on.add_to(s.json()))
                 status, _, err = self.cli("rest", "scene.json")
                 self.assertEqual(status, 2)
-                self.assert_sentence(err, "past all obstacles")
+                self.assert_sentence(err, "held by no obstacle")
+
+    def test_a_slope(self):
+        """A body slides along planes that do not face its weight, unless friction holds it."""
+        for friction, holds in ((0, False), (math.tan(0.29), False), (math.tan(0.31), True)):
+            with self.subTest(friction=friction):
+                s = self.pair([0, 0, 0.5], [0.1, 0, 0.5])
+                on = Obstacles(planes=[slope(0.3, 0)], friction=friction)
+                if holds:
+                    self.check(s, on)
+                    continue
+                self.scene(on.add_to(s.json()))
+                status, _, err = self.cli("rest", "scene.json")
+                self.assertEqual(status, 2)
+                self.assert_sentence(err, "1.96 N", "held by no obstacle")
+
+    def test_curved_in_one_direction(self):
+        """A bar across a trough, a cylinder inside out: as in a bowl, and free along the axis. On a
+        cylinder lying on its side it slides off."""
+        for inside in (True, False):
+            s = self.pair([0.2, 0.1, 0.5 if inside else 1.1], [-0.2, 0.1, 0.5 if inside else 1.1])
+            tree = s.json()
+            tree["colliders"] = [{"type": "cylinder", "from": [0, -3, 0], "to": [0, 3, 0], "radius": 1,
+                                  "inside": inside}]
+            self.scene(tree)
+            if not inside:
+                status, _, err = self.cli("rest", "scene.json")
+                self.assertEqual(status, 2)
+                self.assert_sentence(err, "held by no obstacle")
+                continue
+            out = self.good("rest", "scene.json", "--final", "rest.json")
+            self.assertIn("minimum     yes", out)
+            x = np.array(self.final("rest.json")["x"])
+            np.testing.assert_allclose(np.hypot(x[:, 0], x[:, 2]), 1, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(x[0, 2], x[1, 2], rtol=0, atol=1e-7)
+            self.assertLess(x[0, 2], -0.9)
 
     def test_threads(self):
         """The same bits by any number of threads."""

@@ -17,8 +17,8 @@ typedef struct msim_equilibrium {
   int32_t saddles;    /* equilibria that were left, as they are no minimum of the energy */
   int32_t is_minimum; /* 1: no small displacement lowers the energy: the stiffness matrix, in
                          contact with the curvature of obstacles, has no negative eigenvalue; 0: not
-                         known, as a particle touches an obstacle with friction, or a curved one
-                         that is no sphere, or as the linear solver does not converge */
+                         known, as a particle touches an obstacle with friction, or samples, or as
+                         the linear solver does not converge */
 } msim_equilibrium;
 
 /* Move the particles to an equilibrium near the present state, where the forces on each free one

@@ -1,5 +1,7 @@
 #include "contact/contact_curvature.h"
 
+#include <string.h>
+
 #include "base/vec3.h"
 #include "physics/signed_distance.h"
 
@@ -12,30 +14,51 @@ void ms_contact_curvature_update(ms_stepper *s) {
   }
 }
 
-/* The sum of the principal curvatures of a solid at x, the trace of dn/dx; > 0: it bends away. */
-static double find_curvature(const ms_solid *solid, const double x[3]) {
-  double sum = 0;
-  for (int c = 0; c < 3; c++) {
-    const double along[3] = {c == 0, c == 1, c == 2};
-    sum += ms_signed_distance_bend(solid, x, along);
-  }
-  return sum;
+/* The curvature of a solid at x, normal n, along its surface; > 0: it bends away. *flat: the axis
+ * along which it does not bend, as of a cylinder; NULL: it is the same in all directions. Its trace
+ * is that of dn/dx, n.dn/dx n = 0. */
+static double find_curvature(const ms_solid *solid, const double x[3], const double n[3],
+                             const double **flat) {
+  const double *axis = solid->axis[2], share = ms_vec3_dot(n, axis);
+  double bend[3];
+  for (int k = 0; k < 3; k++) bend[k] = ms_signed_distance_bend(solid, x, solid->axis[k]);
+  const double trace = bend[0] + bend[1] + bend[2];
+  /* on a sphere c (1 - share^2), c = trace/2; on a cylinder 0 */
+  const int is_flat = fabs(bend[2] + share * share * trace / 2) < fabs(trace) / 4;
+  *flat = is_flat ? axis : NULL;
+  return is_flat ? trace : trace / 2;
 }
 
-/* The stiffness of a contact with one solid by its curvature, the same in all directions along the
- * surface */
-static double find_stiffness(const ms_stepper *s, const ms_contact *c, const ms_solid *solid,
-                             int *is_exact) {
-  const ms_unknowns *rows = &s->model->unknowns;
-  const double *n = c->on.plane[0]->normal;
-  double x[3], a[3];
-  ms_unknowns_get(rows, s->x, c->row, x);
-  ms_unknowns_get(rows, s->events->a, c->row, a);
-  const double reaction = -s->model->mass[c->row] * ms_vec3_dot(n, a);
-  const double curvature = find_curvature(solid, x);
-  if (solid->type == MSIM_COLLIDER_SPHERE) return -reaction * curvature / 2;
-  *is_exact &= curvature == 0;
-  return fmax(0, -reaction * curvature);
+/* The curvature of a solid along the line in which it meets another obstacle */
+static double find_curvature_of_line(const ms_solid *solid, const double x[3], const double m[3],
+                                     const double n[3]) {
+  const double along[3] = {m[1] * n[2] - m[2] * n[1], m[2] * n[0] - m[0] * n[2],
+                           m[0] * n[1] - m[1] * n[0]};
+  return ms_signed_distance_bend(solid, x, along) / ms_vec3_dot(along, along);
+}
+
+/* Adds the stiffness by the curvature of one surface, or along the line in which two meet, as
+ * friction; returns 0 if samples have another one at their edges. */
+static int add_curvature(const ms_stepper *s, const ms_contact *c, ms_constraint *to) {
+  static const double zero[MS_MAX_TOUCHED_PLANES] = {0};
+  double x[3], a[3], J[MS_MAX_INDEPENDENT_PLANES] = {0};
+  int is_exact = 1;
+  ms_unknowns_get(&s->model->unknowns, s->x, c->row, x);
+  ms_unknowns_get(&s->model->unknowns, s->events->a, c->row, a);
+  ms_impacts_set_normal_components(&c->on, zero, a, J);
+  for (int k = 0; k < c->on.n; k++) {
+    const int32_t i = ms_contact_set_find_solid(s, c->on.plane[k]);
+    const double *flat = NULL, *n = c->on.plane[k]->normal;
+    if (i < 0) continue;
+    const ms_solid *solid = &s->events->near.solid[i];
+    is_exact &= !solid->samples;
+    const double curvature = c->on.n == 1
+                                 ? find_curvature(solid, x, n, &flat)
+                                 : find_curvature_of_line(solid, x, n, c->on.plane[1 - k]->normal);
+    to->friction -= s->model->mass[c->row] * J[k] * curvature;
+    if (flat) memcpy(to->direction[1], flat, sizeof to->direction[1]);
+  }
+  return is_exact;
 }
 
 int ms_contact_curvature_make_constraints(ms_stepper *s, double h, double least) {
@@ -44,10 +67,9 @@ int ms_contact_curvature_make_constraints(ms_stepper *s, double h, double least)
   ms_contact_set_make_constraints(s, h);
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
-    const int32_t solid = ms_contact_set_find_solid(s, c->on.plane[0]);
-    if (c->sticks || c->enters || c->on.n > 1 || solid < 0) continue;
-    const double stiffness = find_stiffness(s, c, &e->near.solid[solid], &is_exact);
-    e->constraint[i].friction = h * h * fmax(least, stiffness);
+    if (!c->has_solid || c->sticks || c->enters || c->on.n > 2) continue;
+    is_exact &= add_curvature(s, c, &e->constraint[i]);
+    e->constraint[i].friction = h * h * fmax(least, e->constraint[i].friction);
   }
   return is_exact;
 }

@@ -15,9 +15,8 @@
 void ms_contact_curvature_update(ms_stepper *s);
 
 /* Sets the constraints of the contact set for the matrix M + h^2 K. least: the least stiffness by
- * curvature, which replaces smaller ones. Returns 1 if the curvature is exact: that of surfaces
- * which bend in one direction only is omitted where it is unstable, and else counted in all
- * directions. */
+ * curvature, which replaces smaller ones. Returns 0 if particles touch samples, which bend at their
+ * edges only. */
 int ms_contact_curvature_make_constraints(ms_stepper *s, double h, double least);
 
 #endif

@@ -92,6 +92,11 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
  * take the row as fixed, small enough for single precision. */
 #define HEAVY 1e4
 
+/* Of n n^T of direction k, beyond friction in all directions */
+static double find_weight(const ms_constraint *g, int32_t k, double share) {
+  return (k < g->n ? share * g->weight : 0) - g->friction;
+}
+
 void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *constraint, int32_t n,
                                      ms_coefficients *a) {
   const size_t sd = (size_t)model->unknowns.first_pinned, dims = (size_t)a->block;
@@ -102,17 +107,17 @@ void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *const
     for (size_t c = 0; c < dims; c++) largest = fmax(largest, own[c * sd]);
     g->weight = HEAVY * largest;
     for (size_t b = 0; b < dims; b++) own[b * sd] += g->friction;
-    for (int32_t k = 0; k < g->n; k++)
+    for (int32_t k = 0; k < 3 && k <= g->n; k++)
       for (size_t b = 0; b < dims; b++)
         for (size_t c = b; c < dims; c++)
           own[ms_coefficients_diagonal_element(dims, b, c) * sd] +=
-              (g->weight - g->friction) * g->direction[k][model->unknowns.axis[b]] *
+              find_weight(g, k, 1) * g->direction[k][model->unknowns.axis[b]] *
               g->direction[k][model->unknowns.axis[c]];
   }
 }
 
-/* q += by (share weight n n^T + drag (I - n n^T)) p for each constraint, n n^T summed over its
- * directions. Returns p.(q - q before). */
+/* q += by (share weight n n^T + drag (I - n n^T - s s^T)) p for each constraint, n n^T summed over
+ * its directions. Returns p.(q - q before). */
 double ms_coefficients_apply_constraints(const ms_model *model, const ms_coefficients *a,
                                          double share, double by, const double *p, double *q) {
   double sum = 0;
@@ -121,8 +126,8 @@ double ms_coefficients_apply_constraints(const ms_model *model, const ms_coeffic
     double own[3], add[3];
     ms_unknowns_get(&model->unknowns, p, g->row, own);
     for (int c = 0; c < 3; c++) add[c] = by * g->friction * own[c];
-    for (int32_t k = 0; k < g->n; k++)
-      ms_vec3_axpy(by * (share * g->weight - g->friction) * ms_vec3_dot(g->direction[k], own),
+    for (int32_t k = 0; k < 3 && k <= g->n; k++)
+      ms_vec3_axpy(by * find_weight(g, k, share) * ms_vec3_dot(g->direction[k], own),
                    g->direction[k], add);
     sum += ms_vec3_dot(add, own);
     double to[3];

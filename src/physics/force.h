@@ -11,11 +11,12 @@
  * undefined. */
 void ms_force_compute(const ms_model *model, const double *x, const double *v, double *f);
 
-/* A constraint of a row by planes, as a penalty: it adds sum weight n n^T + drag (I - sum n n^T) to
- * the diagonal block, so that the row hardly moves along the directions n. */
+/* A constraint of a row by planes, as a penalty: it adds sum weight n n^T + drag (I - sum n n^T - s
+ * s^T) to the diagonal block, so that the row hardly moves along the directions n, and without drag
+ * along s. */
 typedef struct ms_constraint {
   int32_t row, n;
-  double direction[3][3]; /* n unit vectors in space */
+  double direction[3][3]; /* n unit vectors in space; if n < 3, the next one is s, or 0 */
   double weight;          /* kg, set by ms_coefficients_add_constraints */
   double friction;        /* kg: h times the coefficient of viscous friction across them */
 } ms_constraint;

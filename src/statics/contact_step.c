@@ -14,6 +14,9 @@
  * balance; velocities along normals that lead to the planes; d/h; forces after the step */
 enum { FORCE, RIGHT_SIDE, PRESCRIBED, DIRECTION, FORCE_NEXT };
 
+/* Friction of particles that slide, over the largest one of those that stick */
+#define SLIDING 0.99
+
 typedef struct contact_solve {
   ms_stepper *s;
   ms_contact_set *e;
@@ -38,7 +41,6 @@ static double get_force(const contact_solve *c, const ms_contact *on, double f[3
 
 /* FORCE of a particle in contact */
 static void set_force(const contact_solve *c, const ms_contact *on) {
-  const double SLIDING = 0.99; /* over static friction */
   double f[3];
   const double limit = get_force(c, on, f);
   if (!on->sticks && !on->enters) ms_vec3_axpy(-SLIDING * limit, on->sliding_direction, f);
@@ -278,8 +280,9 @@ static void add_friction(const contact_solve *c, const ms_contact *on, double f[
     if (ms_impacts_distance(on->on.plane[k], x) > ms_impacts_distance_tolerance(&planes, x)) return;
   const double limit = ms_impacts_remove_normal(&on->on, left, NULL);
   ms_impacts_remove_normal(&on->on, along, NULL);
+  if (!on->enters) memcpy(along, on->sliding_direction, sizeof along);
   const double speed = ms_vec3_norm(along);
-  if (speed > 0) ms_vec3_axpy(-limit / speed, along, f);
+  if (speed > 0) ms_vec3_axpy(-SLIDING * limit / speed, along, f);
 }
 
 /* What the forces at x_next would do along d */

@@ -231,9 +231,11 @@ static msim_status fail(const search *s, msim_error *err) {
                       s->result.iterations, s->result.force, s->result.particle, s->accepted);
 }
 
+static double first_step(const search *s) { return 10 / s->omega; }
+
 /* h within [LEAST, MOST] of its first value */
 static msim_status find_equilibrium(search *s, int is_last, msim_error *err) {
-  const double MOST = 1e8, LEAST = 1e-8, first = s->h;
+  const double MOST = 1e8, LEAST = 1e-8, first = first_step(s);
   while (iterations_left(s) > 0 && s->h > LEAST * first) {
     int left = 0;
     msim_status status = make_step(s, err);
@@ -260,7 +262,7 @@ static msim_status begin_search(search *s, msim_error *err) {
   const msim_status status = ms_bounds_compute(scene, 0, &bounds, err);
   if (status) return status;
   s->omega = bounds.omega > 0 ? bounds.omega : 1;
-  s->h = 10 / s->omega;
+  s->h = first_step(s);
   memcpy(s->x, scene->x, n * sizeof *s->x);
   s->length = s->radius = mean_length(s);
   msim_sim_force(s->sim, s->x, scene->v, s->force);

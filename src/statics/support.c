@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "contact/impacts.h"
 #include "layout/components.h"
 
 /* The external force on a body, and whether something may hold it */
@@ -23,14 +24,27 @@ static void hold_neighbours(const ms_scene *scene, const int32_t *of, body *bodi
   }
 }
 
-/* 1: obstacles may stop a particle at x, which f moves. */
+/* 1: colliders may stop a particle at x, which f moves. Heights continue beyond their grid. */
 static int may_be_stopped(const ms_scene *scene, const double x[3], const double f[3]) {
-  const double PARALLEL = 1e-9, size = ms_vec3_norm(f), way = ms_vec3_dot(x, f) / size;
-  for (int32_t i = 0; i < scene->nplanes; i++)
-    if (ms_vec3_dot(scene->planes[i].normal, f) < -PARALLEL * size) return 1;
-  for (int32_t i = 0; i < scene->ncolliders; i++)
-    if (scene->solids[i].inside || way < scene->solids[i].reach) return 1;
+  const double way = ms_vec3_dot(x, f) / ms_vec3_norm(f);
+  for (int32_t i = 0; i < scene->ncolliders; i++) {
+    const ms_solid *s = &scene->solids[i];
+    if (s->inside || s->type == MSIM_COLLIDER_HEIGHTFIELD || way < s->reach) return 1;
+  }
   return 0;
+}
+
+/* 1: planes may hold a body against f. Without colliders and friction, or with one plane, they do
+ * so if and only if f points into the cone of their normals, or of friction. */
+static int may_be_held(const ms_scene *scene, const double f[3]) {
+  const double SMALL = 1e-9 * ms_vec3_norm(f);
+  double left[3] = {f[0], f[1], f[2]}, limit;
+  ms_plane_set all = {0};
+  if (scene->nplanes > MS_MAX_TOUCHED_PLANES) return 1;
+  while (all.n < scene->nplanes) all.plane[all.n] = &scene->planes[all.n], all.n++;
+  const ms_plane_set pushing = ms_impacts_remove_pressing(&all, SMALL, left, &limit);
+  if (scene->ncolliders || (all.n > 1 && limit > 0)) return pushing.n > 0;
+  return ms_vec3_norm(left) <= limit + SMALL;
 }
 
 static void add_external_force(const ms_scene *scene, int32_t p, double sum[3]) {
@@ -46,7 +60,8 @@ static msim_status check_bodies(const ms_scene *scene, const int32_t *of, body *
   for (int32_t p = 0; p < n; p++)
     if (of[p] >= 0) add_external_force(scene, p, bodies[of[p]].force);
   for (int32_t p = 0; p < n; p++)
-    if (of[p] >= 0 && may_be_stopped(scene, x + 3 * (size_t)p, bodies[of[p]].force))
+    if (of[p] >= 0 && (may_be_held(scene, bodies[of[p]].force) ||
+                       may_be_stopped(scene, x + 3 * (size_t)p, bodies[of[p]].force)))
       bodies[of[p]].is_held = 1;
   for (int32_t p = 0; p < n; p++) {
     if (of[p] < 0 || bodies[of[p]].is_held) continue;
@@ -56,7 +71,7 @@ static msim_status check_bodies(const ms_scene *scene, const int32_t *of, body *
                           "there is no equilibrium%s: a force of %.3g N moves the body of particle "
                           "%d, which is connected to no pinned particle%s",
                           has_obstacles ? " near the start" : "", left, p,
-                          has_obstacles ? ", past all obstacles" : "");
+                          has_obstacles ? " and held by no obstacle" : "");
   }
   return MSIM_OK;
 }

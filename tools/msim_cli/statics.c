@@ -114,9 +114,8 @@ static int find_rest(statics *s) {
         "minimum     %s\n"
         "energy      elastic %.6g J, gravitational %.6g J\n",
         e.force, (int)e.particle, ftol, (int)e.iterations, (int)e.saddles,
-        e.is_minimum
-            ? "yes, the stiffness matrix has no negative eigenvalue"
-            : "not known, because of friction, a curved collider that is no sphere, or the solver",
+        e.is_minimum ? "yes, the stiffness matrix has no negative eigenvalue"
+                     : "not known, because of friction, samples of colliders, or the solver",
         energy.elastic, energy.gravitational);
   return s->file.path ? final_write(&s->file, s->made.scene, s->sim, MSIM_OK) : EXIT_OK;
 }

@@ -47,7 +47,7 @@ class Equilibrium(NamedTuple):
     """The largest force that is left, N, on which particle, and how it was found.
 
     saddles: equilibria that were left, as they are no minimum of the energy. is_minimum: False
-    where it is not known, because of friction, a curved collider that is no sphere, or the solver.
+    where it is not known, because of friction, samples of colliders, or the solver.
     """
 
     force: float
