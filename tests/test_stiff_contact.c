@@ -60,7 +60,7 @@ static void nonlinear_methods_keep_the_bound_too(void **state) {
 
 /* Counts of steps number `begin` to STEPS, h = 1/60 s, of a jelly that lies on top of a sphere, or
  * falls onto a plane with friction mu along which gravity pulls it */
-static msim_stats count_steps_of_jelly(int on_sphere, double k, double mu, int begin) {
+static msim_stats count_steps_of_jelly(int on_sphere, double k, double mu, double rtol, int begin) {
   const msim_lattice jelly = {.size = sizeof jelly,
                               .n = {4, 4, 4},
                               .origin = {-0.19, -0.2, on_sphere ? 1e-3 : 0.2},
@@ -75,7 +75,7 @@ static msim_stats count_steps_of_jelly(int on_sphere, double k, double mu, int b
   else assert_ok(msim_scene_add_plane(scene, &floor, err));
   if (!on_sphere) assert_ok(msim_scene_set_gravity(scene, slope, err));
   msim_options opt = options("implicit-euler", 1.0 / 60);
-  opt.collision = MSIM_COLLISION_EVENT;
+  opt.collision = MSIM_COLLISION_EVENT, opt.newton_rtol = rtol;
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, begin, err));
   const msim_stats before = stats_of(sim);
@@ -99,9 +99,23 @@ static void steps_with_predicted_changes_are_solved_once(void **state) {
     int64_t most; /* iterations in a step */
   } of[] = {{1, 3000, 0.4, 4}, {0, 300, 0.8, 4}, {0, 1e5, 0.8, 3}};
   for (int i = 0; i < 3; i++) {
-    const msim_stats s = count_steps_of_jelly(of[i].on_sphere, of[i].k, of[i].mu, 0);
+    const msim_stats s = count_steps_of_jelly(of[i].on_sphere, of[i].k, of[i].mu, 1e-8, 0);
     if (!(s.newton_iterations <= of[i].most * STEPS))
       fail_msg("jelly %d: %d iterations", i, (int)s.newton_iterations);
+  }
+}
+
+/* Convergence is superlinear, so that 4 more digits take few more iterations: along the normals of
+ * contacts, which prescribe the velocities, there is no residual that solves could not reduce. */
+static void four_more_digits_take_few_iterations(void **state) {
+  (void)state;
+  static const double k[] = {30, 100, 300};
+  for (int i = 0; i < 6; i++) {
+    const double mu = 0.6 * (i % 2);
+    const int64_t usual = count_steps_of_jelly(0, k[i / 2], mu, 1e-8, 0).newton_iterations,
+                  more = count_steps_of_jelly(0, k[i / 2], mu, 1e-12, 0).newton_iterations;
+    if (!((double)more <= 1.3 * (double)usual))
+      fail_msg("k = %g: %d iterations, %d with 4 more digits", k[i / 2], (int)usual, (int)more);
   }
 }
 
@@ -111,7 +125,7 @@ static void steps_in_lasting_contact_need_no_rough_solves(void **state) {
   (void)state;
   static const double mu[] = {0.8, 0.1};
   for (int i = 0; i < 2; i++) {
-    const msim_stats s = count_steps_of_jelly(0, 3000, mu[i], STEPS / 2);
+    const msim_stats s = count_steps_of_jelly(0, 3000, mu[i], 1e-8, STEPS / 2);
     if (s.solves != s.newton_iterations)
       fail_msg("mu %g: %d solves, %d iterations", mu[i], (int)s.solves, (int)s.newton_iterations);
   }
@@ -253,6 +267,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(steps_with_predicted_changes_are_solved_once),
       cmocka_unit_test(steps_in_lasting_contact_need_no_rough_solves),
+      cmocka_unit_test(four_more_digits_take_few_iterations),
       cmocka_unit_test(energy_does_not_grow_in_few_solves),
       cmocka_unit_test(nonlinear_methods_keep_the_bound_too),
       cmocka_unit_test(reflection_takes_two_solves),

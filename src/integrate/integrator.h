@@ -159,6 +159,8 @@ int ms_stepper_is_rejected(ms_stepper *s);
 /* Copies the velocities of these particles from v to v_to: they have those that the contacts
  * prescribe, which solves keep. */
 void ms_stepper_copy_contacts(const ms_stepper *s, const double *v, double *v_to);
+/* Sets the components of a vector to 0 along which these contacts prescribe the velocity. */
+void ms_stepper_remove_constrained(const ms_stepper *s, double *vec);
 /* Adds the constraints of these contacts to a linear system. */
 void ms_stepper_add_constraints(ms_stepper *s, ms_linear_system_spec *spec);
 

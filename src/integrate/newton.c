@@ -47,13 +47,15 @@ static double newton_norm(const newton *n, const double *v) {
   return sqrt(ms_vector_dot(n->shape, v, n->s->scratch));
 }
 
-/* x, rho and b at the v of the stage */
+/* x, rho and b at the v of the stage. The large weights of contacts would keep any residual in the
+ * directions that they constrain, and each solve would end when it has solved for this alone. */
 static void evaluate_residual(newton *n) {
   const ms_newton_stage *g = n->stage;
   ms_vector_add_scaled(n->shape, g->x0, g->ah, g->v, g->x);
   ms_stepper_acceleration(n->s, g->x, g->v, n->rho);
   ms_vector_add_scaled(n->shape, g->w, g->ah, n->rho, n->rho);
   ms_vector_axpy(n->shape, -1, g->v, n->rho);
+  ms_stepper_remove_constrained(n->s, n->rho);
   ms_vector_scale_rows(n->shape, n->s->model->mass, n->rho, n->b);
   n->residual = sqrt(ms_vector_dot(n->shape, n->b, n->rho));
 }

@@ -1,7 +1,8 @@
 /* newton - Newton's method for the nonlinear equation of an implicit stage, in terms of velocities
  *
  *   v = w + ah a(x, v),  x = x0 + ah v:     R(v) = M (w - v) + ah F(x0 + ah v, v) = 0
- * by v += lambda d,  (M - ah D - ah^2 J) d = R.  The residual is always exact. The matrix omits the
+ * by v += lambda d,  (M - ah D - ah^2 J) d = R.  The residual is always exact, but 0 in
+ * directions in which contacts prescribe v, as solves leave v there. The matrix omits the
  * non-symmetric damping term, d(D v)/dx, and is the clamped one until the residual has dropped
  * (Teran et al. 2005), so that d is a descent direction far from the solution. Then it is the exact
  * one. Solvers with descend() use conjugate gradients that leave out the negative stiffness of

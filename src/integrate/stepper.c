@@ -28,6 +28,16 @@ void ms_stepper_copy_contacts(const ms_stepper *s, const double *v, double *v_to
   }
 }
 
+void ms_stepper_remove_constrained(const ms_stepper *s, double *vec) {
+  for (int32_t i = 0; s->events && i < s->events->ncontacts; i++) {
+    const ms_contact *c = &s->events->contact[i];
+    double along[3] = {0};
+    if (!c->sticks) ms_unknowns_get(&s->model->unknowns, vec, c->row, along);
+    if (!c->sticks) ms_impacts_remove_normal(&c->on, along, NULL);
+    ms_unknowns_set(&s->model->unknowns, along, c->row, vec);
+  }
+}
+
 int ms_stepper_may_be_rejected(const ms_stepper *s) { return s->events && s->events->may_reject; }
 
 int ms_stepper_is_rejected(ms_stepper *s) {
