@@ -126,7 +126,7 @@ static void parts_of_steps_and_of_springs(void **state) {
   msim_options opt = options("respa", 2e-3);
   expect_resumable(scene, &opt, STEPS, NPOINTS, points, "respa");
   opt = options("bdf2", 5e-3);
-  opt.newton_max_iterations = 3, opt.newton_retries = 8, opt.solver = "pcg";
+  opt.newton_max_iterations = 4, opt.newton_retries = 8, opt.solver = "pcg";
   const msim_stats s = expect_resumable(scene, &opt, STEPS, NPOINTS, points, "bdf2 in parts");
   assert_true(s.rejected_steps > 0); /* otherwise nothing is tested */
   msim_scene_destroy(scene);

@@ -323,6 +323,40 @@ static void clusters_translate(void **state) {
   }
 }
 
+/* Mode q of the cluster of unknown r, at r */
+static double cluster_mode_at(const ms_coarse *c, int32_t r, int q) {
+  double sum = 0;
+  for (int m = 0; m < 4; m++)
+    sum += (double)c->aggregates.weight[4 * r + m] *
+           (double)c->cycle.modes[16 * c->aggregates.of[r] + 4 * q + m];
+  return sum;
+}
+
+/* The coordinates of a solid are among the modes of each cluster, to the accuracy of floats. */
+static void clusters_rotate(void **state) {
+  (void)state;
+  msim_sim *sim = moved(SOLID);
+  const ms_coarse *c = &pcg_of(sim)->coarse;
+  const ms_unknowns *rows = &c->model->unknowns;
+  const int32_t n = c->cycle.chol.n;
+  for (int axis = 0; axis < 3; axis++) {
+    double(*part)[4] = calloc((size_t)n, sizeof *part);
+    for (int pass = 0; pass < 2; pass++)
+      for (int32_t r = 0; r < rows->nfree; r++) {
+        if (c->aggregates.of[r] < 0) continue;
+        double *of = part[c->cycle.cluster[c->aggregates.of[r]]], sum = 0;
+        const double x = c->model->scene->x[3 * rows->particle[r] + axis];
+        for (int q = 0; q < 4; q++) {
+          if (pass == 0) of[q] += x * cluster_mode_at(c, r, q);
+          sum += of[q] * cluster_mode_at(c, r, q);
+        }
+        if (pass == 1) assert_close(sum, x, 1e-5);
+      }
+    free(part);
+  }
+  msim_sim_destroy(sim);
+}
+
 /* A cycle takes at most a third more iterations than a factor for the same aggregates, and a factor
  * for larger ones, which has as many numbers as the cycle, a quarter more than that. */
 static void cycles_take_few_iterations(void **state) {
@@ -420,6 +454,7 @@ int main(void) {
                                      cmocka_unit_test(cycle_is_symmetric_and_contracts),
                                      cmocka_unit_test(indefinite_matrices_are_reported),
                                      cmocka_unit_test(clusters_translate),
+                                     cmocka_unit_test(clusters_rotate),
                                      cmocka_unit_test(cycles_take_few_iterations),
                                      cmocka_unit_test(large_systems_get_a_cycle),
                                      cmocka_unit_test(bits_are_the_same),

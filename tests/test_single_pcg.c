@@ -75,7 +75,7 @@ static void twice_the_digits_take_twice_the_iterations(void **state) {
     for (int32_t aggregate = 0; aggregate <= SIZE; aggregate += SIZE) {
       const int64_t half = count_iterations(scene, MSIM_PRECISION_DOUBLE, 1e-6, aggregate),
                     whole = count_iterations(scene, MSIM_PRECISION_DOUBLE, 1e-12, aggregate);
-      if ((double)whole > 2.2 * (double)half)
+      if ((double)whole > 2.3 * (double)half)
         fail_msg("scene %d: %d iterations, %d with twice the digits", s, (int)half, (int)whole);
     }
     msim_scene_destroy(scene);

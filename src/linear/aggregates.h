@@ -1,10 +1,11 @@
 /* aggregates - the coarse space of a two-level preconditioner: connected clusters of unknowns, and
- * the smoothest modes of each
+ * modes of each
  *
- * Clusters grow over the graph of the springs, without geometry. The modes of one are the lowest
- * eigenvectors of its graph Laplacian, weighted by stiffness: the translation and, in regular
- * meshes, approximately the affine functions (as in spectral algebraic multigrid; Chartier et al.
- * 2003). They depend on the springs only, not on the state. */
+ * Clusters grow over the graph of the springs, without geometry. The modes of one are the
+ * translation and the coordinates of its unknowns in the scene; where these are fewer than 4
+ * independent functions, as in cloth and ropes, the smoothest ones of the graph, weighted by
+ * stiffness, complete them (as in spectral algebraic multigrid; Chartier et al. 2003).
+ * They depend on the scene only, not on the state. */
 #ifndef MS_AGGREGATES_H
 #define MS_AGGREGATES_H
 

@@ -40,19 +40,24 @@ static void add_springs(cluster_job *j, int32_t r, int32_t n) {
   }
 }
 
-/* w.u = the upper triangle of P^T K P of the cluster, and w.v[.][0] = P^T 1. Returns the mean of
- * its diagonal. */
+/* w.u = the upper triangle of P^T K P of the cluster, and w.v = P^T of the affine functions.
+ * Returns the mean of the diagonal. */
 static double assemble(cluster_job *j, const int32_t *aggregates, int32_t count) {
   const int32_t n = MS_MODES * count;
   double sum = 0;
   for (int32_t i = 0; i < n * n; i++) j->w.u[i] = 0;
-  for (int32_t i = 0; i < n; i++) j->w.end[i] = n, j->w.v[i][0] = 0;
+  for (int32_t i = 0; i < n; i++) j->w.end[i] = n;
+  for (int32_t i = 0; i < n; i++)
+    for (int q = 0; q < MS_MODES; q++) j->w.v[i][q] = 0;
   for (int32_t p = 0; p < count; p++)
     for (int32_t i = j->a->first[aggregates[p]]; i < j->a->first[aggregates[p] + 1]; i++) {
       const int32_t r = j->a->unknown[i];
       add_springs(j, r, n);
+      double f[MS_MODES];
+      ms_modes_affine_functions(j->model, r, f);
       for (int m = 0; m < MS_MODES; m++)
-        j->w.v[MS_MODES * p + m][0] += (double)j->a->weight[MS_MODES * r + m];
+        for (int q = 0; q < MS_MODES; q++)
+          j->w.v[MS_MODES * p + m][q] += (double)j->a->weight[MS_MODES * r + m] * f[q];
     }
   for (int32_t i = 0; i < n; i++) sum += j->w.u[i * n + i];
   return sum / n;
@@ -88,7 +93,7 @@ msim_status ms_cluster_modes_compute(const ms_model *model, const ms_aggregates 
     const int32_t *own = members->item + members->first[k];
     const int32_t count = members->first[k + 1] - members->first[k];
     for (int32_t p = 0; p < count; p++) j.local[own[p]] = p;
-    ms_modes_iterate(MS_MODES * count, assemble(&j, own, count), &j.w);
+    ms_modes_complete(MS_MODES * count, assemble(&j, own, count), &j.w);
     store(&j, own, count, modes);
   }
   ms_modes_destroy_workspace(alloc, &j.w);

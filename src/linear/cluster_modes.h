@@ -1,10 +1,11 @@
-/* cluster_modes - the smoothest modes of clusters of aggregates, as combinations of their modes */
+/* cluster_modes - the modes of clusters of aggregates, as combinations of those of aggregates */
 #ifndef MS_CLUSTER_MODES_H
 #define MS_CLUSTER_MODES_H
 
 #include "linear/aggregates.h"
 
-/* The 4 lowest eigenvectors of P^T K P of each cluster, K the Laplacian of the springs between its
+/* The affine functions on each cluster, in the modes of its aggregates, completed by the smoothest
+ * combinations of these (modes.h), for the Laplacian P^T K P, K that of the springs between its
  * unknowns: modes, 16 of each aggregate, 4 at each of its modes, by columns; orthonormal in a
  * cluster. of: the cluster of each aggregate */
 msim_status ms_cluster_modes_compute(const ms_model *model, const ms_aggregates *aggregates,

@@ -2,9 +2,8 @@
  *
  * One V-cycle with clusters of aggregates (Briggs, Henson and McCormick 2000, ch. 3 and 8):
  *     z = S r,  z += Q (Q^T A Q)^-1 Q^T (r - A z),  z += S (r - A z),
- * with damped block Jacobi, S = w D^-1, as smoother. Q maps the 4 modes of each cluster, the lowest
- * eigenvectors of the Laplacian of its springs among the modes of its aggregates, to these; Q^T A Q
- * is factored. The map r -> z is
+ * with damped block Jacobi, S = w D^-1, as smoother. Q maps the 4 modes of each cluster, in terms
+ * of those of its aggregates (cluster_modes.h), to these; Q^T A Q is factored. The map r -> z is
  *     2 S - S A S + T (Q^T A Q)^-1 T^T,  T = (I - S A) Q,
  * which is symmetric, and positive definite for w < 2 / lambda_max(D^-1 A). As springs with t < 0
  * are left out, and each spring acts on the difference of the motions of two aggregates at most,

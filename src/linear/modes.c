@@ -4,7 +4,15 @@
 
 #include "scene/laws.h"
 
-/*------------------------------------- inverse iteration ----------------------------------------*/
+/*------------------------------------- affine functions -----------------------------------------*/
+
+void ms_modes_affine_functions(const ms_model *model, int32_t row, double f[MS_MODES]) {
+  const double *x = model->scene->x + 3 * (size_t)model->unknowns.particle[row];
+  f[0] = 1;
+  for (int c = 0; c < 3; c++) f[c + 1] = model->features & MS_HAS_DIRECTIONS ? x[c] : 0;
+}
+
+/*------------------------------------- an orthonormal basis -------------------------------------*/
 
 int ms_modes_create_workspace(const msim_allocator *alloc, int32_t n, ms_modes_workspace *w) {
   const size_t size = (size_t)n;
@@ -32,47 +40,75 @@ static void factor_laplacian(int32_t n, double mean, ms_modes_workspace *w) {
   }
 }
 
-/* v = (u^T u)^-1 v for MS_MODES vectors side by side */
-static void solve_laplacian(const ms_modes_workspace *w, int32_t n) {
+/* v = (u^T u)^-1 v for the vectors from `first` on, side by side */
+static void solve_laplacian(const ms_modes_workspace *w, int32_t n, int first) {
   double(*v)[MS_MODES] = w->v;
   for (int32_t k = 0; k < n; k++) {
     const double *row = w->u + k * n;
-    for (int m = 0; m < MS_MODES; m++) v[k][m] /= row[k];
+    for (int m = first; m < MS_MODES; m++) v[k][m] /= row[k];
     for (int32_t i = k + 1; i < w->end[k]; i++)
-      for (int m = 0; m < MS_MODES; m++) v[i][m] -= row[i] * v[k][m];
+      for (int m = first; m < MS_MODES; m++) v[i][m] -= row[i] * v[k][m];
   }
   for (int32_t k = n - 1; k >= 0; k--) {
     const double *row = w->u + k * n;
     for (int32_t i = w->end[k] - 1; i > k; i--)
-      for (int m = 0; m < MS_MODES; m++) v[k][m] -= row[i] * v[i][m];
-    for (int m = 0; m < MS_MODES; m++) v[k][m] /= row[k];
+      for (int m = first; m < MS_MODES; m++) v[k][m] -= row[i] * v[i][m];
+    for (int m = first; m < MS_MODES; m++) v[k][m] /= row[k];
   }
 }
 
-/* Modified Gram-Schmidt */
-static void orthonormalise(int32_t n, double (*v)[MS_MODES]) {
-  for (int m = 0; m < MS_MODES; m++) {
-    for (int other = 0; other < m; other++) {
-      double dot = 0;
-      for (int32_t i = 0; i < n; i++) dot += v[i][other] * v[i][m];
-      for (int32_t i = 0; i < n; i++) v[i][m] -= dot * v[i][other];
-    }
-    double norm = 0;
-    for (int32_t i = 0; i < n; i++) norm += v[i][m] * v[i][m];
-    for (int32_t i = 0; i < n; i++) v[i][m] /= sqrt(norm);
+/* Vector m less its projections on the first `count` ones, which are orthonormal. Returns its
+ * length. */
+static double orthogonalise(int32_t n, double (*v)[MS_MODES], int m, int count) {
+  double square = 0;
+  for (int other = 0; other < count; other++) {
+    double dot = 0;
+    for (int32_t i = 0; i < n; i++) dot += v[i][other] * v[i][m];
+    for (int32_t i = 0; i < n; i++) v[i][m] -= dot * v[i][other];
   }
+  for (int32_t i = 0; i < n; i++) square += v[i][m] * v[i][m];
+  return sqrt(square);
 }
 
-void ms_modes_iterate(int32_t n, double mean, ms_modes_workspace *w) {
-  enum { ITERATIONS = 6 };
+static void normalise(int32_t n, double (*v)[MS_MODES], int m, double length) {
+  for (int32_t i = 0; i < n; i++) v[i][m] /= length;
+}
+
+/* Modified Gram-Schmidt, from vector `first` on */
+static void orthonormalise(int32_t n, double (*v)[MS_MODES], int first) {
+  for (int m = first; m < MS_MODES; m++) normalise(n, v, m, orthogonalise(n, v, m, m));
+}
+
+/* Lets the translation and the independent coordinates be the first vectors, orthonormal. Returns
+ * their number. A coordinate is not independent where only a LITTLE part of it is none of the
+ * others', as in a tilted cloth, flat but for noise. */
+static int orthonormalise_coordinates(int32_t n, double (*v)[MS_MODES]) {
+  const double LITTLE = 0.1;
+  double largest = 0;
+  int known = 1;
+  normalise(n, v, 0, orthogonalise(n, v, 0, 0));
+  for (int m = 1; m < MS_MODES; m++) largest = fmax(largest, orthogonalise(n, v, m, 1));
+  for (int m = 1; m < MS_MODES; m++) {
+    for (int32_t i = 0; i < n; i++) v[i][known] = v[i][m];
+    const double length = orthogonalise(n, v, known, known);
+    if (length > LITTLE * largest) normalise(n, v, known++, length);
+  }
+  return known;
+}
+
+/* Inverse iteration. The start is a quadratic sequence, as a linear one may be a coordinate. */
+void ms_modes_complete(int32_t n, double mean, ms_modes_workspace *w) {
+  enum { ITERATIONS = 8 };
+  const int known = orthonormalise_coordinates(n, w->v);
+  if (known == MS_MODES) return;
   factor_laplacian(n, mean, w);
   for (int32_t i = 0; i < n; i++)
-    for (int m = 1; m < MS_MODES; m++)
-      w->v[i][m] = ms_vector_random_entry((uint32_t)(MS_MODES * i + m));
-  orthonormalise(n, w->v);
+    for (int m = known; m < MS_MODES; m++)
+      w->v[i][m] = ms_vector_random_entry(MS_MODES * (uint32_t)i * (uint32_t)i + (uint32_t)m);
+  orthonormalise(n, w->v, known);
   for (int round = 0; round < ITERATIONS; round++) {
-    solve_laplacian(w, n);
-    orthonormalise(n, w->v);
+    solve_laplacian(w, n, known);
+    orthonormalise(n, w->v, known);
   }
 }
 
@@ -135,9 +171,8 @@ static double assemble_laplacian(const modes_job *j, const int32_t *rows, int32_
 /* w->v = the modes of the aggregate rows[0..n) */
 static void compute_modes(const modes_job *j, const int32_t *rows, int32_t n,
                           ms_modes_workspace *w) {
-  const double mean = assemble_laplacian(j, rows, n, w);
-  for (int32_t i = 0; i < n; i++) w->v[i][0] = 1;
-  ms_modes_iterate(n, mean, w);
+  for (int32_t i = 0; i < n; i++) ms_modes_affine_functions(j->model, rows[i], w->v[i]);
+  ms_modes_complete(n, assemble_laplacian(j, rows, n, w), w);
 }
 
 /*------------------------------------- all aggregates -------------------------------------------*/

@@ -1,4 +1,9 @@
-/* modes - the smoothest modes of each aggregate: eigenvectors of its stiffness-weighted graph */
+/* modes - the modes of each aggregate: affine functions, and eigenvectors of its weighted graph
+ *
+ * Where springs keep their lengths, an aggregate moves almost rigidly. In each component its turns
+ * are affine functions of the coordinates in the scene, and stay so as it deforms and turns; they
+ * stretch no spring, whereas eigenvectors of the Laplacian, which only resemble them, stretch all
+ * (rigid body modes; Vanek, Mandel and Brezina 1996). */
 #ifndef MS_MODES_H
 #define MS_MODES_H
 
@@ -17,13 +22,16 @@ typedef struct ms_modes_workspace {
 int ms_modes_create_workspace(const msim_allocator *alloc, int32_t n, ms_modes_workspace *w);
 void ms_modes_destroy_workspace(const msim_allocator *alloc, ms_modes_workspace *w);
 
-/* w->v = an orthonormal basis of the lowest eigenvectors of the Laplacian w->u, whose diagonal has
- * this mean. v[.][0]: that of eigenvalue 0, of any length */
-void ms_modes_iterate(int32_t n, double mean, ms_modes_workspace *w);
+/* 1, x, y, z: the functions on an unknown at (x, y, z) in the scene; 1, 0, 0, 0 where forces do not
+ * depend on directions, as the matrix is then that of the Laplacian. */
+void ms_modes_affine_functions(const ms_model *model, int32_t row, double f[MS_MODES]);
 
-/* Compute aggregates->weight: of each aggregate an orthonormal basis of the 4 lowest eigenvectors
- * of its Laplacian, the first of which is the translation, by 6 inverse iterations, which determine
- * their energies within a tenth. graph: the springs between unknowns */
+/* w->v, the affine functions on n unknowns (or their parts in n modes), becomes an orthonormal
+ * basis of those that are independent, completed by the smoothest vectors orthogonal to them: those
+ * of the largest v.L^-1 v, within a quarter, L the Laplacian w->u. mean: that of its diagonal */
+void ms_modes_complete(int32_t n, double mean, ms_modes_workspace *w);
+
+/* Compute aggregates->weight. graph: the springs between unknowns */
 msim_status ms_modes_compute(const ms_model *model, const ms_incidence *graph,
                              ms_aggregates *aggregates, msim_error *err);
 
