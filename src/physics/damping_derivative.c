@@ -32,18 +32,32 @@ int ms_damping_derivative_block(const ms_model *model, const ms_damping_derivati
   return 1;
 }
 
-/* y_i -= sum over half-edges of h^2 K (z_j - z_i) */
-static void apply_damping_row(const ms_model *model, const ms_damping_derivative *t, int32_t i,
-                              const double *z, double *y) {
-  const int32_t dims = model->unknowns.dims;
-  const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, i);
+/* y_i -= sum over half-edges of h^2 K (z_j - z_i), with z for z_j - z_i
+ *   h^2 K z = h^2 c/l^2 ((d.w) z + (w.z - 2 (d.w)(d.z)/l^2) d).
+ * dims: a constant for the compiler */
+static inline void apply_damping_row(const ms_model *model, const ms_damping_derivative *t,
+                                     int32_t dims, int32_t i, const double *z, double *y) {
+  const ms_half_edges *half_edges = &model->half_edges;
+  const size_t stride = (size_t)model->unknowns.stride;
+  const ms_half_edge_span span = ms_half_edges_of_row(half_edges, i);
+  double sum[3] = {0};
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    double block[3][3], along[3];
-    if (!ms_damping_derivative_block(model, t, i, at, block)) continue;
-    subtract_rows(model, z, i, model->half_edges.neighbour[at], along);
-    for (int32_t r = 0; r < dims; r++)
-      y[(size_t)r * (size_t)model->unknowns.stride + (size_t)i] -= dot_dims(dims, block[r], along);
+    const double damping = half_edges->damping[ms_half_edges_value(half_edges, at)];
+    double l2 = 0, rate = 0, d_z = 0, w_z = 0, d[3], along[3];
+    if (damping == 0) continue;
+    for (int32_t c = 0; c < dims; c++) {
+      const size_t own = (size_t)c * stride + (size_t)i,
+                   other = (size_t)c * stride + (size_t)half_edges->neighbour[at];
+      const double w = t->v[other] - t->v[own];
+      d[c] = t->x[other] - t->x[own], along[c] = z[other] - z[own];
+      l2 += d[c] * d[c], rate += d[c] * w, d_z += d[c] * along[c], w_z += w * along[c];
+    }
+    if (l2 <= MS_MIN_LENGTH2) continue;
+    const double inverse = 1 / l2, by = t->h * t->h * damping * inverse,
+                 turn = w_z - 2 * rate * inverse * d_z;
+    for (int32_t c = 0; c < dims; c++) sum[c] += by * (rate * along[c] + turn * d[c]);
   }
+  for (int32_t c = 0; c < dims; c++) y[(size_t)c * stride + (size_t)i] -= sum[c];
 }
 
 typedef struct damping_job {
@@ -58,7 +72,10 @@ enum { CHUNK = 64 };
 
 static void apply_damping_chunk(void *data, int32_t begin, int32_t end) {
   const damping_job *j = data;
-  for (int32_t i = begin; i < end; i++) apply_damping_row(j->model, j->t, i, j->z, j->y);
+  const int32_t dims = j->model->unknowns.dims;
+  for (int32_t i = begin; i < end; i++)
+    if (dims == 3) apply_damping_row(j->model, j->t, 3, i, j->z, j->y);
+    else apply_damping_row(j->model, j->t, dims, i, j->z, j->y);
 }
 
 void ms_damping_derivative_apply(const ms_model *model, const ms_damping_derivative *t,
