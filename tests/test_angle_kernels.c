@@ -213,7 +213,7 @@ static void products_are_those_of_the_elements(void **state) {
     const ms_unknowns *rows = &m.model.unknowns;
     double *want = ms_unknowns_new_vector(m.scene->data, rows), largest = 0, sum = 0;
     ms_coefficients_compute(&m.model, m.x, 0.1, 0, &m.a);
-    const double got = ms_angle_springs_apply(&m.model, &m.a, 2, m.v, m.f);
+    const double got = ms_angle_springs_apply(&m.model, &m.a, 2, (ms_operands){m.v, m.f, 0});
     for (int32_t e = 0; e < m.model.angles.n; e++) {
       const int32_t *row = m.model.angles.row + 3 * e;
       double element[MS_ANGLE_ELEMENT], x[3][3] = {{0}}, y[2][3];
@@ -253,7 +253,7 @@ static void instruction_sets_give_the_same_bits(void **state) {
         double now = 0;
         if (kind == 0) ms_coefficients_compute(&m.model, m.x, 0.1, 0, &m.a);
         if (kind < 2) ms_angle_springs_add_forces(&m.model, m.x, kind ? m.v : NULL);
-        else now = ms_angle_springs_apply(&m.model, &m.a, 1, m.v, m.f);
+        else now = ms_angle_springs_apply(&m.model, &m.a, 1, (ms_operands){m.v, m.f, 0});
         if (first)
           memcpy(kept + (size_t)kind * n, m.model.angles.corner, n * sizeof *kept), product = now;
         assert_memory_equal(kept + (size_t)kind * n, m.model.angles.corner, n * sizeof *kept);

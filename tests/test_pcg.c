@@ -239,8 +239,10 @@ static void nothing_is_left_of_iterations_before(void **state) {
     double *z[2] = {ms_unknowns_new_vector(sim->scene, rows),
                     ms_unknowns_new_vector(sim->scene, rows)};
     for (int i = 0; i < 2; i++) {
-      double *p = pcg->p, *q = pcg->q;
-      for (size_t k = 0; k < count && i; k++) p[k] = q[k] = NAN;
+      for (size_t k = 0; k < count && i; k++) {
+        if (pcg->single) ((float *)pcg->p)[k] = ((float *)pcg->q)[k] = NAN;
+        else ((double *)pcg->p)[k] = ((double *)pcg->q)[k] = NAN;
+      }
       pcg->base.ops->precondition(&pcg->base, sim->islands->stepper.v, z[i]);
     }
     assert_memory_equal(z[0], z[1], count * sizeof(double));

@@ -29,6 +29,8 @@ static inline msim_sim *make_sim_with_coarse(const msim_scene *scene, const msim
   solver->linear->ops->destroy(solver->linear);
   solver->linear = NULL;
   assert_ok(ms_pcg_create(&solver->system, &sim->config.opt, size, &solver->linear, err));
+  if (sim->config.integrator->nonlinear || sim->islands->stepper.events)
+    assert_ok(ms_solver_prepare_descent(solver, err));
   if (!solver->linear->work[0]) return sim; /* the solver has its own */
   solver->residual = solver->linear->work[0];
   solver->correction = solver->linear->work[1];

@@ -35,6 +35,23 @@ void ms_vector_copy(ms_shape s, const void *x, void *y);
 void ms_vector_copy_all(ms_shape s, const void *x, void *y);
 void ms_vector_clear_all(ms_shape s, void *x);
 
+/* x and y of a product y += K x: vectors of doubles, or if `single` of floats, without errors of
+ * sums */
+typedef struct ms_operands {
+  const void *x;
+  void *y;
+  int single;
+} ms_operands;
+
+static inline double ms_operands_get(const ms_operands *o, size_t i) {
+  return o->single ? (double)((const float *)o->x)[i] : ((const double *)o->x)[i];
+}
+
+static inline void ms_operands_add(const ms_operands *o, size_t i, double to_y) {
+  if (o->single) ((float *)o->y)[i] += (float)to_y;
+  else ((double *)o->y)[i] += to_y;
+}
+
 void ms_vector_scale(ms_shape s, double a, void *x);               /* x = a x */
 void ms_vector_axpy(ms_shape s, double a, const void *x, void *y); /* y += a x, without errors */
 void ms_vector_add_scaled(ms_shape s, const void *x, double a, const void *y,

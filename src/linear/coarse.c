@@ -210,8 +210,9 @@ msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a) {
 
 /*------------------------------------- solution -------------------------------------------------*/
 
-void ms_coarse_restrict(ms_coarse *coarse, const void *r, int32_t begin, int32_t end) {
-  coarse->kernels->restrict_rows(coarse, r, MS_SLICE * (size_t)begin, MS_SLICE * (size_t)end);
+void ms_coarse_restrict(ms_coarse *coarse, int single, const void *r, int32_t begin, int32_t end) {
+  coarse->kernels->restrict_rows(coarse, single, r, MS_SLICE * (size_t)begin,
+                                 MS_SLICE * (size_t)end);
 }
 
 static void add_parts_chunk(void *data, int32_t begin, int32_t end) {

@@ -81,8 +81,8 @@ typedef struct ms_coarse_matrix {
 msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a);
 
 /* Sum P^T r over the slices [begin, end), a chunk of restriction.h; chunks in any order, by any
- * threads. r: floats if the model computes in single precision */
-void ms_coarse_restrict(ms_coarse *coarse, const void *r, int32_t begin, int32_t end);
+ * threads. r: of doubles, or of floats if `single` */
+void ms_coarse_restrict(ms_coarse *coarse, int single, const void *r, int32_t begin, int32_t end);
 
 /* After that of all chunks: coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r. Returns
  * coarse->r . coarse->z. */

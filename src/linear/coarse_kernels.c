@@ -97,9 +97,9 @@ MS_INLINE void restrict_rows_of(size_t dims, int single, ms_coarse *coarse, cons
   }
 }
 
-static void restrict_rows(ms_coarse *coarse, const void *r, size_t begin, size_t end) {
+static void restrict_rows(ms_coarse *coarse, int single, const void *r, size_t begin, size_t end) {
   const int is_spatial = coarse->model->unknowns.dims == 3;
-  if (coarse->model->single) {
+  if (single) {
     if (is_spatial) restrict_rows_of(3, 1, coarse, r, begin, end);
     else restrict_rows_of(2, 1, coarse, r, begin, end);
   } else if (is_spatial) restrict_rows_of(3, 0, coarse, r, begin, end);

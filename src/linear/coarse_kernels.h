@@ -10,8 +10,8 @@ typedef struct ms_coarse_kernels {
   void (*assemble)(ms_coarse *coarse, const float *coefficients, const double *inertia,
                    int32_t aggregate);
   /* The sums of restriction.h of a chunk, rows [begin, end); r: of doubles, or of floats if
-   * the model computes in single precision */
-  void (*restrict_rows)(ms_coarse *coarse, const void *r, size_t begin, size_t end);
+   * `single` */
+  void (*restrict_rows)(ms_coarse *coarse, int single, const void *r, size_t begin, size_t end);
   /* coarse->r = P^T r, for one aggregate, from the sums of its parts */
   void (*add_parts)(ms_coarse *coarse, int32_t aggregate);
 } ms_coarse_kernels;

@@ -15,10 +15,24 @@ MS_TABLES(ms_pcg_kernels);
 MS_TABLES(ms_single_pcg_kernels);
 MS_TABLES(ms_pcg_pack_kernels);
 
+/* Numbers of a vector */
+static size_t vector_length(const ms_model *model) {
+  return (size_t)model->shape.dims * (size_t)model->shape.stride;
+}
+
 /* The length of r, z, q and p, which follow each other */
-static size_t vector_bytes(const ms_model *model) {
-  return (size_t)model->shape.dims * (size_t)model->shape.stride *
-         (model->single ? sizeof(float) : sizeof(double));
+static size_t vector_bytes(const ms_pcg *s) {
+  return vector_length(s->base.system->model) * (s->single ? sizeof(float) : sizeof(double));
+}
+
+/* Floats fill half of the memory that r begins; of doubles z is free for the residual. */
+static void place_vectors(ms_pcg *s, int single) {
+  const ms_model *model = s->base.system->model;
+  s->single = single, s->unit = 1;
+  s->kernels = single ? ms_single_pcg_kernels_of[model->isa] : ms_pcg_kernels_of[model->isa];
+  const size_t bytes = vector_bytes(s);
+  s->z = (char *)s->r + bytes, s->q = (char *)s->z + bytes, s->p = (char *)s->q + bytes;
+  s->residual = single ? s->base.work[2] : s->z;
 }
 
 /*------------------------------------- sweeps ---------------------------------------------------*/
@@ -60,7 +74,7 @@ static void pcg_apply_chunk(void *data, int32_t begin, int32_t end) {
 static void reduce_chunk(void *data, int32_t begin, int32_t end) {
   const pcg_sweep *j = data;
   j->s->kernels->reduce(j->s, j->alpha, begin, end, j->s->sums + begin / CHUNK);
-  if (j->s->coarse_is_ready) ms_coarse_restrict(&j->s->coarse, j->s->r, begin, end);
+  if (j->s->coarse_is_ready) ms_coarse_restrict(&j->s->coarse, j->s->single, j->s->r, begin, end);
 }
 
 static void advance_chunk(void *data, int32_t begin, int32_t end) {
@@ -81,17 +95,17 @@ static double sum_foreign_angles(const ms_pcg *s) {
 /* q = A p. Returns p.q, over all ranks. */
 static double pcg_apply(ms_pcg *s) {
   double sum;
-  ms_rank_model_refresh(s->base.system->model, s->p, NULL);
+  const ms_operands pq = {s->p, s->q, s->single};
+  if (!s->single) ms_rank_model_refresh(s->base.system->model, s->p, NULL);
   const int32_t n = pcg_run(pcg_apply_chunk, &(pcg_sweep){.s = s});
   s->kernels->apply_split_rows(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   const ms_linear_system *system = s->base.system;
   const double by = 1 / s->jacobi.scale;
-  sum += ms_angle_springs_apply(system->model, &system->a, by, s->p, s->q);
+  sum += ms_angle_springs_apply(system->model, &system->a, by, pq);
   sum -= by * sum_foreign_angles(s);
-  if (system->a.own)
-    sum += ms_particle_blocks_apply(system->model, system->a.own, 1, by, s->p, s->q);
-  sum += ms_coefficients_apply_constraints(system->model, &system->a, 1, by, s->p, s->q);
+  if (system->a.own) sum += ms_particle_blocks_apply(system->model, system->a.own, 1, by, pq);
+  sum += ms_coefficients_apply_constraints(system->model, &system->a, 1, by, pq);
   ms_ranks_sum(system->model->shape.ranks, 1, &sum);
   return sum;
 }
@@ -195,7 +209,6 @@ static msim_status factor_own(ms_pcg *s, int32_t kind) {
   if (status) return status;
   pcg_run(pack_chunk, &(pcg_sweep){.s = s});
   if (s->base.aggregates) status = factor_coarse(s, kind);
-  memset(s->r, 0, vector_bytes(model));
   return status;
 }
 
@@ -213,9 +226,9 @@ static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
 
 /*------------------------------------- iterations -----------------------------------------------*/
 
-/* r = b, the residual of y, which may lie in z and q; p = 0 unless s->rho > 0. */
+/* r = b, the residual of y; p = 0 unless s->rho > 0. */
 static void begin_iteration(ms_pcg *s, const double *b) {
-  const size_t bytes = vector_bytes(s->base.system->model);
+  const size_t bytes = vector_bytes(s);
   pcg_run(begin_chunk, &(pcg_sweep){.s = s, .b = b});
   memset(s->q, 0, bytes);
   if (s->rho == 0) memset(s->p, 0, bytes);
@@ -244,34 +257,46 @@ static msim_status pcg_iterate(ms_pcg *s, const double *b, double goal, int64_t 
   }
 }
 
+/* Rounding p to floats changes A p by some u times the largest entry of A. That may not exceed a
+ * quarter of the share of inertia, which is all that resists the motions of free bodies: these would
+ * come back, and cost more iterations than floats save time, 1.2 times as many at this limit. */
+static int may_round_vectors(const ms_pcg *s) {
+  const double U = FLT_EPSILON / 2;
+  const ms_model *model = s->base.system->model;
+  double least = INFINITY;
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) least = fmin(least, model->mass[r]);
+  return s->coarse_is_ready && !model->rank_model && 4 * U * s->jacobi.scale <= least;
+}
+
 /* A power of 2 near a norm of b. Powers of it are exact. */
 static double find_unit(const ms_pcg *s, double size) {
   int exponent = 0;
-  if (s->base.system->model->single) frexp(size / sqrt(s->jacobi.scale), &exponent);
+  if (s->single) frexp(size / sqrt(s->jacobi.scale), &exponent);
   return ldexp(1, exponent);
 }
 
-/* The recursively updated residual drifts from the true one, as the matrix of pcg is rounded, and
- * vectors of floats are: by some DRIFT of the largest residual since both were equal. Where the
- * goal is farther away, the true residual replaces that of the recursion each time that it has
- * fallen by DROP, while both are near, and the directions go on (van der Vorst and Ye, SIAM J. Sci.
- * Comput. 22 (2000) 835). They start anew where the residuals are apart, as at rounding level,
- * where directions would grow without bound. The true residual decides, until it is no longer
- * halved. */
+/* The recursively updated residual drifts from the true one, as the matrix and the vectors of pcg
+ * are rounded: by some DRIFT of the largest residual since both were equal. Where the goal is
+ * farther away, the true residual replaces that of the recursion each time that it has fallen by
+ * DROP, while both are near, and the directions go on (van der Vorst and Ye, SIAM J. Sci. Comput.
+ * 22 (2000) 835; in two precisions: Carson and Higham, SIAM J. Sci. Comput. 40 (2018) A817). They
+ * start anew where the residuals are apart, as at rounding level, where directions would grow
+ * without bound. The true residual decides, until it is no longer halved. */
 static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, const double *b,
                              double *y, int64_t *iterations, msim_error *err) {
   (void)err;
-  const double SAFETY = 0.9, DROP = 1e-3, NEAR = 1.5;
+  const double SAFETY = 0.9, DRIFT = 1e-6, DROP = 1e-3, NEAR = 1.5;
   ms_pcg *s = (ms_pcg *)base;
-  const double DRIFT = base->system->model->single ? 1e-4 : 1e-6;
   const double goal = fmax(target->rtol, DBL_EPSILON / 4) * target->size;
   double last = INFINITY, next = 0;
   int64_t count = 0;
   msim_status status = MSIM_OK;
+  const ms_model *model = base->system->model;
+  place_vectors(s, model->single || may_round_vectors(s));
   s->y = y;
   s->rho = 0, s->unit = find_unit(s, target->size);
   base->residual = target->size;
-  for (const double *left = b;; left = s->z) {
+  for (const double *left = b;; left = s->residual) {
     base->is_verified = base->residual <= goal;
     if (base->is_verified || base->residual > 0.5 * last) break;
     if (base->residual > NEAR * next) s->rho = 0;
@@ -279,7 +304,7 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
     next = goal < DRIFT * last ? DROP * last : SAFETY * goal;
     status = pcg_iterate(s, left, next, target->max_iterations, &count);
     if (status) break;
-    base->residual = ms_residual_compute(base->system, b, y, s->z);
+    base->residual = ms_residual_compute(base->system, b, y, s->residual);
   }
   *iterations += count;
   return status;
@@ -320,6 +345,7 @@ static void pcg_descend(ms_linear *base, const ms_descent_target *d, const doubl
                         int64_t *iterations) {
   enum { MOST = 16 };
   ms_pcg *s = (ms_pcg *)base;
+  place_vectors(s, 0); /* no true residual corrects the rounding of floats */
   s->y = y;
   if (base->system->clamped) ms_compression_reset(&s->compression);
   else ms_compression_carry_over(&s->compression, s->coefficients);
@@ -331,6 +357,8 @@ static void pcg_descend(ms_linear *base, const ms_descent_target *d, const doubl
 static void pcg_precondition(ms_linear *base, const double *r, double *z) {
   ms_pcg *s = (ms_pcg *)base;
   const ms_shape shape = base->system->model->shape;
+  place_vectors(s, 0);
+  ms_vector_clear_all(shape, s->r);
   ms_vector_clear_all(shape, s->q);
   ms_vector_clear_all(shape, s->p);
   s->y = s->q; /* y += 0 p */
@@ -376,18 +404,15 @@ static msim_status pcg_connect(ms_linear *base, msim_error *err) {
  * which only factor() uses, lie in the last ones, as long as two vectors of doubles. */
 static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   const ms_model *model = s->base.system->model;
-  const size_t vector = (size_t)model->shape.dims * (size_t)model->shape.stride;
-  const size_t bytes = vector_bytes(model), length = 4 * bytes / sizeof(double);
+  const size_t n = vector_length(model);
   double *room = s->coarse.value;
-  if (ms_coarse_value_size(&s->coarse) < length)
-    room = MS_NEW(&model->scene->alloc, s->vectors, length);
+  if (ms_coarse_value_size(&s->coarse) < 4 * n)
+    room = MS_NEW(&model->scene->alloc, s->vectors, 4 * n);
   if (!room) return ms_error_set_memory(err, "conjugate gradients");
-  s->r = room, s->z = (char *)s->r + bytes, s->q = (char *)s->z + bytes;
-  s->p = (char *)s->q + bytes;
-  s->jacobi = (ms_jacobi){
-      .block = s->base.system->a.block, .scale = 1, .inverse = room + (length - 2 * vector)};
-  if (!model->single) /* floats have not the room */
-    s->base.work[0] = s->z, s->base.work[1] = s->q, s->base.work[2] = s->p;
+  s->r = room;
+  for (size_t i = 0; i < 3; i++) s->base.work[i] = room + (i + 1) * n;
+  s->jacobi = (ms_jacobi){.block = s->base.system->a.block, .scale = 1, .inverse = room + 2 * n};
+  place_vectors(s, 0);
   return MSIM_OK;
 }
 
@@ -433,8 +458,6 @@ msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *op
   ms_pcg *s = ms_memory_allocate(&model->scene->alloc, 1, sizeof *s);
   if (!s) return ms_error_set_memory(err, "conjugate gradients");
   s->base = (ms_linear){.ops = &ops, .system = system, .name = "pcg"};
-  s->unit = 1;
-  s->kernels = model->single ? ms_single_pcg_kernels_of[model->isa] : ms_pcg_kernels_of[model->isa];
   s->may_reuse_coarse = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
   msim_status status = pcg_allocate(s, err);
   if (!status && size.aggregate) status = create_coarse(s, size, err);

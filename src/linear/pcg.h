@@ -6,9 +6,12 @@
  * b the drag, with t and w in single precision. That rounding changes the matrix of a spring a
  * little, but alike at both ends, and for t >= 0 it stays positive semidefinite: momentum is
  * conserved, and A stays as definite as it is. Sums are in double precision.
- * In models of single precision r, z, p and q are floats, too, but y is not: errors of r and p
- * delay the iteration a little, whereas those of y would be multiplied by A. The true residual, in
- * doubles, decides in any case. descend() and precondition() are for doubles.
+ * With a coarse space r, z, p and q are floats, too, which halves what an iteration transfers of
+ * them, but y is not: errors of r and p delay the iteration a little, whereas those of y would be
+ * multiplied by A. The true residual, in doubles, decides in any case. Without a coarse space,
+ * which small systems do without, the slow modes that these errors bring back would delay it more.
+ * So it would where the inertia of a particle is less than the rounding of its springs. Ranks,
+ * descend() and precondition() have doubles.
  * Angular springs (physics/angle_springs.h) are added to it in double precision.
  * One iteration consists of three sweeps over the unknowns:
  *     apply    q = A p,                                   sum p.q
@@ -31,13 +34,15 @@ typedef struct ms_pcg {
   float *coefficients;        /* 32 halves.nslots: t, wx, wy, wz of 8 half-edges, by entry */
   ms_compression compression; /* of descend(); model NULL: not prepared */
   ms_jacobi jacobi;
-  float *inverse;      /* jacobi.inverse, rounded; in blocks even where that is scalar */
-  double *inertia;     /* first_pinned: m + h b, with the mean of the block of a force function */
-  void *r, *z, *p, *q; /* vectors of doubles, or of floats if the model computes with these */
-  double *y;           /* the caller's */
-  double rho;          /* r.B r of the iteration that p is from; 0: p starts anew */
-  double unit;         /* of r, z, p and q; power of 2, 1 for doubles: squares are in range */
-  double *vectors;     /* r, z, p and q; NULL: in coarse.value */
+  float *inverse;  /* jacobi.inverse, rounded; in blocks even where that is scalar */
+  double *inertia; /* first_pinned: m + h b, with the mean of the block of a force function */
+  int single;      /* 1: r, z, p and q are vectors of floats, 0: of doubles; each solve chooses */
+  void *r, *z, *p, *q;
+  double *y;        /* the caller's */
+  double *residual; /* b - A y */
+  double rho;       /* r.B r of the iteration that p is from; 0: p starts anew */
+  double unit;      /* of r, z, p and q; a power of 2, 1 for doubles: squares are in range */
+  double *vectors;  /* r, z, p, q and the residual; NULL: in coarse.value */
   ms_coarse coarse;
   int coarse_is_ready;     /* 1: the coarse matrix is factored */
   int may_reuse_coarse;    /* 1: that factor may be lagged, i.e. serve later systems */
@@ -66,6 +71,6 @@ typedef struct ms_pcg_kernels {
   void (*end)(const ms_pcg *s, double alpha, int32_t begin, int32_t end);
 } ms_pcg_kernels;
 
-typedef ms_pcg_kernels ms_single_pcg_kernels; /* those for models in single precision */
+typedef ms_pcg_kernels ms_single_pcg_kernels; /* those for vectors of floats */
 
 #endif

@@ -197,11 +197,12 @@ static void advance_slices(const ms_pcg *s, double alpha, double beta, int32_t b
 static void begin_slices(const ms_pcg *s, const double *b, int32_t begin, int32_t end) {
   const ms_unknowns *rows = &s->base.system->model->unknowns;
   const double by = 1 / s->jacobi.scale / s->unit;
-  const int32_t last = MS_SLICE * end < rows->nfree ? MS_SLICE * end : rows->nfree;
+  const int32_t end_row = MS_SLICE * end, last = end_row < rows->nfree ? end_row : rows->nfree;
   for (int32_t c = 0; c < rows->dims; c++) {
     const size_t at = (size_t)c * (size_t)rows->stride;
     ms_real *r = (ms_real *)s->r + at;
     for (int32_t row = MS_SLICE * begin; row < last; row++) r[row] = (ms_real)(by * (b + at)[row]);
+    for (int32_t row = last; row < end_row; row++) r[row] = 0;
   }
 }
 

@@ -49,11 +49,11 @@ static void shrink_to_float_range(ms_pcg *s, size_t block, size_t row) {
 static void pack_unknowns(ms_pcg *s, size_t begin, size_t end) {
   const ms_model *model = s->base.system->model;
   const size_t dims = (size_t)model->unknowns.dims, stride = (size_t)model->unknowns.first_pinned;
-  const size_t block = (size_t)s->jacobi.block;
+  const size_t block = (size_t)s->jacobi.block, nfree = (size_t)model->unknowns.nfree;
   const double by = 1 / s->jacobi.scale;
   int beyond = 0;
-  for (size_t r = begin; r < end; r++)
-    s->inertia[r] = by * (model->mass[r] + s->base.system->a.drag);
+  for (size_t r = begin; r < end; r++) /* masses of padding may exceed the range of floats */
+    s->inertia[r] = r < nfree ? by * (model->mass[r] + s->base.system->a.drag) : 0;
   for (size_t r = begin; r < end && s->base.system->a.own; r++)
     s->inertia[r] += by * ms_particle_blocks_mean(model, s->base.system->a.own, (int32_t)r);
   for (size_t q = 0; q < ms_coefficients_diagonal_size(block); q++)

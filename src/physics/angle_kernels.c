@@ -8,13 +8,35 @@
 
 /*------------------------------------- vectors --------------------------------------------------*/
 
+/* Functions for vectors of doubles, or of floats if `single`, a constant of their callers */
+
+MS_INLINE ms_lanes load_numbers(int single, const void *vec, size_t at) {
+  return single ? ms_simd_load_floats((const float *)vec + at)
+                : ms_simd_load((const double *)vec + at);
+}
+
+MS_INLINE ms_lanes gather_numbers(int single, const void *vec, size_t first, const int32_t *index) {
+  if (!single) return ms_simd_gather((const double *)vec + first, index);
+  const float *x = (const float *)vec + first;
+  ms_lanes v = {0};
+  for (int l = 0; l < MS_LANES; l++) v[l] = (double)x[index[l]];
+  return v;
+}
+
+MS_INLINE void add_numbers(int single, void *vec, size_t at, ms_lanes v) {
+  v += load_numbers(single, vec, at);
+  if (single) ms_simd_store_floats((float *)vec + at, v);
+  else ms_simd_store((double *)vec + at, v);
+}
+
 /* The rows of corner q of the angles from `at` on */
-MS_INLINE ms_lane_vectors load_ends(int dims, const ms_angles *g, int q, size_t at,
-                                    const double *vec, size_t stride) {
+MS_INLINE ms_lane_vectors load_ends(int dims, int single, const ms_angles *g, int q, size_t at,
+                                    const void *vec, size_t stride) {
   const int32_t start = g->start[q][at / MS_SLICE];
-  if (start >= 0) return ms_load_vec(dims, vec + (size_t)start + at % MS_SLICE, stride);
   ms_lane_vectors v = {{{0}}};
-  for (int c = 0; c < dims; c++) v.c[c] = ms_simd_gather(vec + (size_t)c * stride, g->end[q] + at);
+  for (size_t c = 0; c < (size_t)dims; c++)
+    v.c[c] = start >= 0 ? load_numbers(single, vec, c * stride + (size_t)start + at % MS_SLICE)
+                        : gather_numbers(single, vec, c * stride, g->end[q] + at);
   return v;
 }
 
@@ -22,11 +44,13 @@ typedef struct edge_lanes {
   ms_lane_vectors p, q; /* those of i and k less that of j */
 } edge_lanes;
 
-MS_INLINE edge_lanes load_edges(int dims, const ms_model *m, size_t at, const double *vec) {
+MS_INLINE edge_lanes load_edges(int dims, int single, const ms_model *m, size_t at,
+                                const void *vec) {
   const size_t stride = (size_t)m->unknowns.stride;
-  const ms_lane_vectors j = load_ends(dims, &m->angles, 1, at, vec, stride);
-  return (edge_lanes){ms_subtract_vec(dims, load_ends(dims, &m->angles, 0, at, vec, stride), j),
-                      ms_subtract_vec(dims, load_ends(dims, &m->angles, 2, at, vec, stride), j)};
+  const ms_angles *g = &m->angles;
+  const ms_lane_vectors j = load_ends(dims, single, g, 1, at, vec, stride);
+  return (edge_lanes){ms_subtract_vec(dims, load_ends(dims, single, g, 0, at, vec, stride), j),
+                      ms_subtract_vec(dims, load_ends(dims, single, g, 2, at, vec, stride), j)};
 }
 
 /* ms_dot_vec() rounds as the instruction set does. */
@@ -112,7 +136,7 @@ MS_INLINE void forces_of(int dims, int damped, const ms_model *m, const double *
                          size_t at) {
   const ms_angles *g = &m->angles;
   const ms_lanes zero = {0};
-  const edge_lanes edge = load_edges(dims, m, at, x);
+  const edge_lanes edge = load_edges(dims, 0, m, at, x);
   const ms_lanes a2 = dot(dims, edge.p, edge.p), b2 = dot(dims, edge.q, edge.q);
   const ms_lanes along = dot(dims, edge.p, edge.q);
   const ms_mask none = (a2 <= MS_MIN_LENGTH2) | (b2 <= MS_MIN_LENGTH2);
@@ -128,7 +152,7 @@ MS_INLINE void forces_of(int dims, int damped, const ms_model *m, const double *
   ms_lane_vectors torque =
       scale(axial(dims), ms_simd_select(none, zero, ms_simd_load(g->k + at) * over_w), w);
   if (damped) {
-    const edge_lanes move = load_edges(dims, m, at, v);
+    const edge_lanes move = load_edges(dims, 0, m, at, v);
     const ms_lane_vectors u =
         ms_subtract_vec(axial(dims), scale(axial(dims), over_a2, cross(dims, edge.p, move.p)),
                         scale(axial(dims), over_b2, cross(dims, edge.q, move.q)));
@@ -171,12 +195,12 @@ MS_INLINE edge_lanes multiply_element(int dims, const double *e, edge_lanes x) {
   return y;
 }
 
-MS_INLINE double multiply_of(int dims, const ms_model *m, const double *elements, const double *x,
-                             int32_t begin, int32_t end) {
+MS_INLINE double multiply_of(int dims, int single, const ms_model *m, const double *elements,
+                             const void *x, int32_t begin, int32_t end) {
   double sums[MS_SLICE] = {0};
   for (size_t first = (size_t)begin; first < (size_t)end; first += MS_SLICE)
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      const edge_lanes edge = load_edges(dims, m, first + lane, x);
+      const edge_lanes edge = load_edges(dims, single, m, first + lane, x);
       const edge_lanes y = multiply_element(dims, elements + MS_ANGLE_ELEMENT * first + lane, edge);
       store_corners(dims, &m->angles, first + lane, y.p, y.q);
       ms_simd_store(sums + lane,
@@ -185,16 +209,19 @@ MS_INLINE double multiply_of(int dims, const ms_model *m, const double *elements
   return ms_vector_sum_lanes(sums);
 }
 
-static double multiply_angles(const ms_model *m, const ms_coefficients *a, const double *x,
+static double multiply_angles(const ms_model *m, const ms_coefficients *a, ms_operands o,
                               int32_t begin, int32_t end) {
-  return m->unknowns.dims == 3 ? multiply_of(3, m, a->angles, x, begin, end)
-                               : multiply_of(2, m, a->angles, x, begin, end);
+  if (m->unknowns.dims == 3)
+    return o.single ? multiply_of(3, 1, m, a->angles, o.x, begin, end)
+                    : multiply_of(3, 0, m, a->angles, o.x, begin, end);
+  return o.single ? multiply_of(2, 1, m, a->angles, o.x, begin, end)
+                  : multiply_of(2, 0, m, a->angles, o.x, begin, end);
 }
 
 /*------------------------------------- rows -----------------------------------------------------*/
 
-MS_INLINE void add_corners_of(int dims, const ms_model *m, double by, int32_t begin, int32_t end,
-                              double *y) {
+MS_INLINE void add_corners_of(int dims, int single, const ms_model *m, double by, int32_t begin,
+                              int32_t end, void *y) {
   const ms_corners *of = &m->angles.corners;
   const size_t stride = (size_t)m->unknowns.stride, n = (size_t)m->angles.nslots;
   const double *corner = m->angles.corner;
@@ -210,16 +237,18 @@ MS_INLINE void add_corners_of(int dims, const ms_model *m, double by, int32_t be
           sum.c[c] += start >= 0 ? ms_simd_load(corner + c * n + start + lane)
                                  : ms_simd_gather(corner + c * n, place);
       }
-      const ms_lane_vectors before = ms_load_vec(dims, y + row, stride);
-      ms_store_vec(dims, y + row, stride,
-                   ms_add_vec(dims, before, scale(dims, (ms_lanes){0} + by, sum)));
+      for (size_t c = 0; c < (size_t)dims; c++)
+        add_numbers(single, y, c * stride + row, by * sum.c[c]);
     }
   }
 }
 
-static void add_angle_corners(const ms_model *m, double by, int32_t begin, int32_t end, double *y) {
-  if (m->unknowns.dims == 3) add_corners_of(3, m, by, begin, end, y);
-  else add_corners_of(2, m, by, begin, end, y);
+static void add_angle_corners(const ms_model *m, double by, ms_operands o, int32_t begin,
+                              int32_t end) {
+  if (m->unknowns.dims == 3 && o.single) add_corners_of(3, 1, m, by, begin, end, o.y);
+  else if (m->unknowns.dims == 3) add_corners_of(3, 0, m, by, begin, end, o.y);
+  else if (o.single) add_corners_of(2, 1, m, by, begin, end, o.y);
+  else add_corners_of(2, 0, m, by, begin, end, o.y);
 }
 
 const ms_angle_kernels MS_TABLE(ms_angle_kernels) = {compute_angle_forces, multiply_angles,

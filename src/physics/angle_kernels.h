@@ -13,10 +13,10 @@ typedef struct ms_angle_kernels {
   void (*forces)(const ms_model *model, const double *x, const double *v, int32_t begin,
                  int32_t end);
   /* their elements times x, to angles.corner. Returns the sum of x.(element x). */
-  double (*multiply)(const ms_model *model, const ms_coefficients *a, const double *x,
-                     int32_t begin, int32_t end);
+  double (*multiply)(const ms_model *model, const ms_coefficients *a, ms_operands o, int32_t begin,
+                     int32_t end);
   /* y += by times the sum of the corners of each row, for the rows of slices [begin, end) */
-  void (*add_corners)(const ms_model *model, double by, int32_t begin, int32_t end, double *y);
+  void (*add_corners)(const ms_model *model, double by, ms_operands o, int32_t begin, int32_t end);
 } ms_angle_kernels;
 
 #endif

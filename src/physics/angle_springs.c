@@ -11,7 +11,7 @@ typedef struct angle_job {
   const ms_model *model;
   const ms_coefficients *a;
   const double *x, *v; /* of nonlinearity: v = d */
-  double *y;
+  ms_operands product;
   double by; /* of nonlinearity: s; of the matrix: h */
   int clamp;
 } angle_job;
@@ -42,7 +42,7 @@ static void run_rows(ms_pool_chunk *work, const angle_job *j) {
 
 static void add_slices(void *data, int32_t begin, int32_t end) {
   const angle_job *j = data;
-  ms_angle_kernels_of[j->model->isa]->add_corners(j->model, j->by, begin, end, j->y);
+  ms_angle_kernels_of[j->model->isa]->add_corners(j->model, j->by, j->product, begin, end);
 }
 
 /* y of each unknown += by times the sum of its corners */
@@ -116,7 +116,8 @@ static void compute_forces(void *data, int32_t begin, int32_t end) {
 }
 
 void ms_angle_springs_add_forces(const ms_model *model, const double *x, const double *v) {
-  const angle_job j = {.model = model, .x = x, .v = v, .y = model->added_force, .by = 1};
+  const angle_job j = {
+      .model = model, .x = x, .v = v, .product = {.y = model->added_force}, .by = 1};
   if (model->angles.n == 0) return;
   run_chunks(compute_forces, &j);
   add_corners(&j);
@@ -241,7 +242,7 @@ void ms_angle_springs_add_matrix(const ms_model *model, double h, int clamp, ms_
 static void multiply_elements(void *data, int32_t begin, int32_t end) {
   const angle_job *j = data;
   j->model->angles.sum[begin / MS_ANGLE_CHUNK] =
-      ms_angle_kernels_of[j->model->isa]->multiply(j->model, j->a, j->x, begin, end);
+      ms_angle_kernels_of[j->model->isa]->multiply(j->model, j->a, j->product, begin, end);
 }
 
 double ms_angle_springs_product_of(const ms_model *model, const ms_coefficients *a, int32_t e,
@@ -254,8 +255,8 @@ double ms_angle_springs_product_of(const ms_model *model, const ms_coefficients 
 }
 
 double ms_angle_springs_apply(const ms_model *model, const ms_coefficients *a, double by,
-                              const double *x, double *y) {
-  const angle_job j = {.model = model, .a = a, .x = x, .y = y, .by = by};
+                              ms_operands o) {
+  const angle_job j = {.model = model, .a = a, .product = o, .by = by};
   if (model->angles.n == 0) return 0;
   const double sum = sum_chunks(multiply_elements, &j);
   add_corners(&j);

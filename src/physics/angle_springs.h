@@ -53,7 +53,7 @@ double ms_angle_springs_product_of(const ms_model *model, const ms_coefficients 
 /* y += by K x on the unknowns, K the sum of their elements; past them x must be 0. It acts on
  * differences, as that of springs does. Returns by x.K x. */
 double ms_angle_springs_apply(const ms_model *model, const ms_coefficients *a, double by,
-                              const double *x, double *y);
+                              ms_operands o);
 
 /* y += |K'| |x| element by element, K' without the diagonal blocks */
 void ms_angle_springs_apply_abs(const ms_model *model, const ms_coefficients *a, const double *x,

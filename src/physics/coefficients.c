@@ -116,24 +116,25 @@ void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *const
   }
 }
 
-/* q += by (share weight n n^T + drag (I - n n^T - s s^T)) p for each constraint, n n^T summed over
- * its directions. Returns p.(q - q before). */
+/* y += by (share weight n n^T + drag (I - n n^T - s s^T)) x for each constraint, n n^T summed over
+ * its directions. Returns x.(y - y before). */
 double ms_coefficients_apply_constraints(const ms_model *model, const ms_coefficients *a,
-                                         double share, double by, const double *p, double *q) {
+                                         double share, double by, ms_operands o) {
+  const ms_unknowns *rows = &model->unknowns;
   double sum = 0;
   for (int32_t i = 0; i < a->nconstraints; i++) {
     const ms_constraint *g = &a->constraint[i];
-    double own[3], add[3];
-    ms_unknowns_get(&model->unknowns, p, g->row, own);
+    const size_t stride = (size_t)rows->stride, row = (size_t)g->row;
+    double own[3] = {0}, add[3];
+    for (size_t c = 0; c < (size_t)rows->dims; c++)
+      own[rows->axis[c]] = ms_operands_get(&o, c * stride + row);
     for (int c = 0; c < 3; c++) add[c] = by * g->friction * own[c];
     for (int32_t k = 0; k < 3 && k <= g->n; k++)
       ms_vec3_axpy(by * find_weight(g, k, share) * ms_vec3_dot(g->direction[k], own),
                    g->direction[k], add);
     sum += ms_vec3_dot(add, own);
-    double to[3];
-    ms_unknowns_get(&model->unknowns, q, g->row, to);
-    ms_vec3_axpy(1, add, to);
-    ms_unknowns_set(&model->unknowns, to, g->row, q);
+    for (size_t c = 0; c < (size_t)rows->dims; c++)
+      ms_operands_add(&o, c * stride + row, add[rows->axis[c]]);
   }
   return sum;
 }
@@ -147,9 +148,10 @@ static void apply_coefficients(const ms_model *model, const ms_coefficients *a, 
   ms_pool_run_chunks(model->pool, apply_coefficients_chunk, &j,
                      ms_half_edges_count_ranges(&model->half_edges), CHUNK);
   ms_half_edges_add_part_sums(&model->half_edges, components, stride, y);
-  ms_angle_springs_apply(model, a, 1, x, y);
-  ms_coefficients_apply_constraints(model, a, share, 1, x, y);
-  if (a->own && share > 0) ms_particle_blocks_apply(model, a->own, 0, 1, x, y);
+  const ms_operands o = {x, y, 0};
+  ms_angle_springs_apply(model, a, 1, o);
+  ms_coefficients_apply_constraints(model, a, share, 1, o);
+  if (a->own && share > 0) ms_particle_blocks_apply(model, a->own, 0, 1, o);
   for (size_t c = 0; c < (size_t)components; c++)
     memset(y + c * stride + end, 0, (stride - end) * sizeof *y);
 }

@@ -71,10 +71,10 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
 void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *constraint, int32_t n,
                                      ms_coefficients *a);
 
-/* q += by H p, H the sum of the constraints' blocks with `share` times their weights; returns
- * by p.H p */
+/* y += by H x, H the sum of the constraints' blocks with `share` times their weights; returns
+ * by x.H x */
 double ms_coefficients_apply_constraints(const ms_model *model, const ms_coefficients *a,
-                                         double share, double by, const double *p, double *q);
+                                         double share, double by, ms_operands o);
 
 /* y = A x on the unknowns; past them x must be 0, and y becomes 0. Springs act on differences
  * x_i - x_j, so that a common translation gives (M + h b) x without rounding errors of the

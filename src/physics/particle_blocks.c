@@ -62,19 +62,21 @@ void ms_particle_blocks_compute(const ms_model *model, double h, int clamp, doub
 }
 
 double ms_particle_blocks_apply(const ms_model *model, const double *blocks, int without_mean,
-                                double by, const double *p, double *q) {
+                                double by, ms_operands o) {
   const size_t sd = (size_t)model->unknowns.first_pinned, stride = (size_t)model->unknowns.stride;
   const double *xx = blocks, *yy = xx + sd, *zz = yy + sd, *xy = zz + sd, *xz = xy + sd,
                *yz = xz + sd;
-  const double *x = p, *y = x + stride, *z = y + stride; /* such scenes have 3 components */
   double sum = 0;
-  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
-    const double mean = without_mean ? ms_particle_blocks_mean(model, blocks, r) : 0;
-    const double a = -mean * x[r] + xx[r] * x[r] + xy[r] * y[r] + xz[r] * z[r],
-                 b = -mean * y[r] + xy[r] * x[r] + yy[r] * y[r] + yz[r] * z[r],
-                 c = -mean * z[r] + xz[r] * x[r] + yz[r] * y[r] + zz[r] * z[r];
-    q[r] += by * a, q[stride + (size_t)r] += by * b, q[2 * stride + (size_t)r] += by * c;
-    sum += by * a * x[r], sum += by * b * y[r], sum += by * c * z[r];
+  for (size_t r = 0; r < (size_t)model->unknowns.nfree; r++) { /* of 3 components */
+    const double mean = without_mean ? ms_particle_blocks_mean(model, blocks, (int32_t)r) : 0;
+    const double x = ms_operands_get(&o, r), y = ms_operands_get(&o, stride + r),
+                 z = ms_operands_get(&o, 2 * stride + r);
+    const double a = -mean * x + xx[r] * x + xy[r] * y + xz[r] * z,
+                 b = -mean * y + xy[r] * x + yy[r] * y + yz[r] * z,
+                 c = -mean * z + xz[r] * x + yz[r] * y + zz[r] * z;
+    ms_operands_add(&o, r, by * a), ms_operands_add(&o, stride + r, by * b);
+    ms_operands_add(&o, 2 * stride + r, by * c);
+    sum += by * a * x, sum += by * b * y, sum += by * c * z;
   }
   return sum;
 }

@@ -20,8 +20,8 @@ static inline double ms_particle_blocks_mean(const ms_model *model, const double
   return (blocks[r] + blocks[s + r] + blocks[2 * s + r]) / 3;
 }
 
-/* q += by B p, without the mean of each block if without_mean; returns by p.B p */
+/* y += by B x, without the mean of each block if without_mean; returns by x.B x */
 double ms_particle_blocks_apply(const ms_model *model, const double *blocks, int without_mean,
-                                double by, const double *p, double *q);
+                                double by, ms_operands o);
 
 #endif
