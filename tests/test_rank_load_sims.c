@@ -224,6 +224,19 @@ static void sims_of_parts_are_those_of_the_whole(void **state) {
   }
 }
 
+/* A step just above the limit, which is that of the heaviest particle, at a corner */
+static void notes_follow_from_all_parts(void **state) {
+  (void)state;
+  msim_scene *cloth = hanging_cloth(9, 300, 0);
+  const msim_options opt = options("explicit-euler", MSIM_H_AUTO);
+  assert_ok(msim_scene_set_drag(cloth, 0.05, err));
+  cloth->data->mass[80] *= 3;
+  msim_sim *sim = make_sim(cloth, &opt);
+  compare_all_sims(cloth, (sim_case){"explicit-euler", 1.001 * state_of(sim).h / 0.9, 0}, 1);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(cloth);
+}
+
 /* A method or option */
 typedef struct step_case {
   const char *method;
@@ -431,6 +444,16 @@ static void refusals_are_those_of_the_whole_scene(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* One particle lies off the plane of the parts of the other ranks. */
+static void parts_in_a_plane(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(9, 300, 0);
+  assert_ok(msim_scene_set_gravity(scene, (double[3]){0}, err));
+  scene->data->x[3 * 80 + 2] = 0.02;
+  check_run_of_parts(scene, "velocity-verlet", 1e-3);
+  msim_scene_destroy(scene);
+}
+
 /* More ranks than free particles: the scene is gathered. */
 static void ranks_without_particles(void **state) {
   (void)state;
@@ -449,12 +472,14 @@ int main(void) {
       cmocka_unit_test(motions_that_the_file_does_not_have),
       cmocka_unit_test(runs_start_in_the_state_of_the_scene),
       cmocka_unit_test(sims_of_parts_are_those_of_the_whole),
+      cmocka_unit_test(notes_follow_from_all_parts),
       cmocka_unit_test(steps_follow_from_all_parts),
       cmocka_unit_test(no_step_follows),
       cmocka_unit_test(errors_are_those_of_the_whole_scene),
       cmocka_unit_test(implicit_methods_have_the_bits_of_the_whole_scene),
       cmocka_unit_test(the_first_damped_spring_is_refused),
       cmocka_unit_test(refusals_are_those_of_the_whole_scene),
+      cmocka_unit_test(parts_in_a_plane),
       cmocka_unit_test(ranks_without_particles),
   };
   const int failed = cmocka_run_group_tests(tests, NULL, NULL);
