@@ -369,6 +369,11 @@ NONE = {
 }
 
 
+def iterations(out):
+    """How many `rest` made, by its output"""
+    return int(out.split("iterations")[1].split()[0])
+
+
 class RestScenes(CliTest):
     def setUp(self):
         super().setUp()
@@ -387,11 +392,15 @@ class RestScenes(CliTest):
         self.assertLessEqual(left, 1e-8 * s.weight())
         w = np.linalg.eigvalsh(s.stiffness_matrix(x))
         self.assertGreaterEqual(w[0], -1e-9 * w[-1])
+        return iterations(out)
 
     def test_minima(self):
+        """All in less than 200 iterations on average"""
+        sum_of_all = 0
         for name, make in MINIMA.items():
             with self.subTest(name):
-                self.check_minimum(make())
+                sum_of_all += self.check_minimum(make())
+        self.assertLess(sum_of_all, 200 * len(MINIMA))
 
     def check_modes(self, s, x, n, solver="auto"):
         """w^2 of `modes` against LAPACK's of M^-1/2 K M^-1/2, to 1e-9 or 4e-14 of the largest one,

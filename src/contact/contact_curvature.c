@@ -61,15 +61,17 @@ static int add_curvature(const ms_stepper *s, const ms_contact *c, ms_constraint
   return is_exact;
 }
 
-int ms_contact_curvature_make_constraints(ms_stepper *s, double h, double least) {
+int ms_contact_curvature_constrain(ms_stepper *s, double least, ms_linear_system_spec *spec) {
   const ms_contact_set *e = s->events;
   int is_exact = 1;
-  ms_contact_set_make_constraints(s, h);
+  if (!e || !(s->model->features & MS_HAS_SPRINGS)) return !e; /* the matrix takes none */
+  ms_contact_set_make_constraints(s, spec->h);
+  spec->constraint = e->constraint, spec->nconstraints = e->ncontacts;
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact *c = &e->contact[i];
     if (!c->has_solid || c->sticks || c->enters || c->on.n > 2) continue;
     is_exact &= add_curvature(s, c, &e->constraint[i]);
-    e->constraint[i].friction = h * h * fmax(least, e->constraint[i].friction);
+    e->constraint[i].friction = spec->h * spec->h * fmax(least, e->constraint[i].friction);
   }
   return is_exact;
 }

@@ -14,9 +14,9 @@
  * s->v point to copies (ms_contact_set_make_writable). */
 void ms_contact_curvature_update(ms_stepper *s);
 
-/* Sets the constraints of the contact set for the matrix M + h^2 K. least: the least stiffness by
- * curvature, which replaces smaller ones. Returns 0 if particles touch samples, which bend at their
- * edges only. */
-int ms_contact_curvature_make_constraints(ms_stepper *s, double h, double least);
+/* Sets the constraints of the contact set, nullable, and adds them to a linear system. least: the
+ * least stiffness by curvature, which replaces smaller ones. Returns 0 if they are not all: without
+ * springs, or where particles touch samples, which bend at their edges only. */
+int ms_contact_curvature_constrain(ms_stepper *s, double least, ms_linear_system_spec *spec);
 
 #endif

@@ -1,19 +1,15 @@
 /* equilibrium - the state of rest near the present one (msim_sim_equilibrium)
  *
- * Pseudo-transient continuation (Kelley and Keyes 1998): each iteration is a step of implicit Euler
- * from rest without damping, which minimizes, by Newton's method with a line search,
- *   U(x) + |x - x_0|_M^2 / (2 h^2),
- * U the elastic and potential energy. Short steps follow the steepest descent of U in the norm of
- * M, so that the minimum nearby is found; as h grows, the second term vanishes, and the iterations
- * become those of Newton's method on U. The second term also bounds motions that meet no stiffness,
- * as of slack cables. h grows tenfold after each step that converges fast, and is a tenth after one
- * that fails.
+ * Pseudo-transient continuation (Kelley and Keyes 1998): each iteration is a step of
+ * static_step.h, which reduces the elastic and potential energy U. Short steps follow the steepest
+ * descent of U in the norm of M, so that the minimum nearby is found; long ones are those of
+ * Newton's method on U, with a rest of inertia that bounds motions which meet no stiffness, as of
+ * slack cables.
  *
  * Newton's method also converges to equilibria that are no minimum, as a straight column under its
- * buckling load. So M + h^2 K is factored at the end: if it is not positive definite, the search
- * continues from a small displacement along the motion with the most negative stiffness.
- *
- * With planes or colliders contact_step.h makes the steps, and the matrix has the contacts. */
+ * buckling load. So M + h^2 K, with the contacts and the curvature of obstacles, is factored at the
+ * end: if it is not positive definite, the search continues from a small displacement along the
+ * motion with the most negative stiffness. */
 #include <math.h>
 #include <string.h>
 
@@ -21,7 +17,7 @@
 #include "base/vec3.h"
 #include "contact/contact_curvature.h"
 #include "physics/bounds.h"
-#include "statics/contact_step.h"
+#include "statics/static_step.h"
 #include "statics/static_sim.h"
 #include "statics/support.h"
 
@@ -30,7 +26,7 @@ typedef struct search {
   msim_sim *sim;    /* static_sim.h */
   double *x;        /* 3n: the present positions */
   double *force;    /* 3n: that nothing balances there */
-  double h, radius; /* of the next step (contact_step.h) */
+  double h, radius; /* of the next step (static_step.h) */
   double length;    /* m: mean_length() at the start */
   double omega;     /* 1/s: a bound of the highest frequency */
   double accepted;  /* N: the largest force at the end of the search */
@@ -161,12 +157,11 @@ static int find_contacts(const search *s) {
   ms_stepper *stepper = &s->sim->islands->stepper;
   double *const x = stepper->x, *const v = stepper->v;
   if (!ms_scene_has_obstacles(s->sim->scene)) return 1;
-  if (!(stepper->model->features & MS_HAS_SPRINGS)) return 0; /* the matrix takes no constraints */
   ms_contact_curvature_update(stepper);
   stepper->x = x, stepper->v = v;
   for (int32_t i = 0; i < stepper->events->ncontacts; i++)
     if (stepper->events->contact[i].has_friction) return 0;
-  return ms_contact_curvature_make_constraints(stepper, s->h, -INFINITY);
+  return ms_contact_curvature_constrain(stepper, -INFINITY, &(ms_linear_system_spec){.h = s->h});
 }
 
 /* *left: the equilibrium was no minimum, and x has moved away from it. */
@@ -190,37 +185,14 @@ static msim_status check_minimum(search *s, int *left, msim_error *err) {
 
 /*------------------------------------- search ---------------------------------------------------*/
 
-/* One step of h from rest in x. The next one is longer if Newton's method takes few iterations, and
- * shorter if it fails. */
-static msim_status make_free_step(search *s, msim_error *err) {
-  enum { FEW = 10 };
-  msim_state now = {.size = sizeof now};
-  const int64_t before = s->sim->stats.newton_iterations;
-  s->sim->config.opt.newton_max_iterations = iterations_left(s);
-  msim_status status = ms_static_sim_start(s->sim, s->x, s->h, err);
-  if (!status) status = ms_sim_make_steps(s->sim, 1, err);
-  const int32_t made = (int32_t)(s->sim->stats.newton_iterations - before);
-  s->result.iterations += made;
-  if (status) return s->h /= 10, status;
-  msim_sim_state(s->sim, &now);
-  memcpy(s->x, now.x, 3 * (size_t)now.n * sizeof *s->x);
-  if (made <= FEW) s->h *= 10;
-  return MSIM_OK;
-}
-
-static msim_status make_contact_step(search *s, msim_error *err) {
-  ms_contact_step step = {
+/* After MSIM_NOT_CONVERGED the next step is shorter. */
+static msim_status make_step(search *s, msim_error *err) {
+  ms_static_step step = {
       .h = s->h, .radius = s->radius, .length = s->length, .most = iterations_left(s)};
-  const msim_status status = ms_contact_step_make(&step, s->sim, s->x, err);
+  const msim_status status = ms_static_step_make(&step, s->sim, s->x, err);
   s->h = step.h, s->radius = step.radius;
   s->result.iterations += step.solves;
   return status;
-}
-
-static msim_status make_step(search *s, msim_error *err) {
-  const msim_status status = ms_static_sim_check_stop(s->of, err);
-  if (status) return status;
-  return ms_scene_has_obstacles(s->sim->scene) ? make_contact_step(s, err) : make_free_step(s, err);
 }
 
 static msim_status fail(const search *s, msim_error *err) {
@@ -236,20 +208,19 @@ static double first_step(const search *s) { return 10 / s->omega; }
 /* h within [LEAST, MOST] of its first value */
 static msim_status find_equilibrium(search *s, int is_last, msim_error *err) {
   const double MOST = 1e8, LEAST = 1e-8, first = first_step(s);
-  while (iterations_left(s) > 0 && s->h > LEAST * first) {
+  for (;;) {
     int left = 0;
-    msim_status status = make_step(s, err);
-    s->h = fmin(s->h, MOST * first);
-    if (status < 0 || status == MSIM_STOPPED) return status;
-    if (status) continue;
-    status = find_forces(s, err);
+    msim_status status = ms_static_sim_check_stop(s->of, err);
+    if (!status) status = find_forces(s, err);
     if (!status) status = check_distance(s, err);
-    if (status) return status;
     const int is_small = s->result.force <= s->accepted;
-    if (is_small && is_last) status = check_minimum(s, &left, err);
+    if (!status && is_small && is_last) status = check_minimum(s, &left, err);
     if (status || (is_small && !left)) return status;
+    if (iterations_left(s) == 0 || s->h < LEAST * first) return fail(s, err);
+    status = make_step(s, err);
+    s->h = fmin(s->h, MOST * first);
+    if (status < 0) return status;
   }
-  return fail(s, err);
 }
 
 /* Start at the present state, if bodies are supported. */

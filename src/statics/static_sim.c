@@ -59,9 +59,8 @@ msim_status ms_static_sim_create(msim_sim *of, int kind, msim_sim **sim, msim_er
   opt.steps = 0;
   opt.threads = from->threads;
   opt.plugin_path = from->plugin_path, opt.backends = from->backends;
-  opt.newton_rtol = 1e-3; /* of each of many steps */
+  opt.newton_rtol = 1e-3; /* of each of many solves */
   opt.collision = MSIM_COLLISION_EVENT;
-  opt.newton_retries = 0;
   opt.watch = MSIM_WATCH_OFF;
   opt.skip_off = MSIM_SKIP_TWO_D | MSIM_SKIP_ISLANDS | MSIM_SKIP_ZERO_REST_LENGTH;
   msim_status status = choose_solver(of, kind, &opt, err);
@@ -91,10 +90,7 @@ msim_status ms_static_sim_solve(msim_sim *sim, double h, const double *b, double
   ms_stepper *s = &sim->islands->stepper;
   ms_linear_system_spec spec = {.x = s->x, .h = h, .indefinite = -1, .rtol = MS_STATIC_RTOL};
   ms_stepper_linearize(s, s->x, s->v);
-  if (s->events && s->model->features & MS_HAS_SPRINGS) {
-    ms_contact_curvature_make_constraints(s, h, -INFINITY);
-    spec.constraint = s->events->constraint, spec.nconstraints = s->events->ncontacts;
-  }
+  ms_contact_curvature_constrain(s, -INFINITY, &spec);
   return ms_solver_solve(s->solver, &spec, b, v, err);
 }
 

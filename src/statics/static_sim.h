@@ -13,8 +13,8 @@ msim_status ms_static_sim_check(const msim_sim *of, const char *function, msim_e
  * cholmod, if it is available, which finds out whether a matrix is positive definite. */
 enum { MS_STATIC_FAST, MS_STATIC_EXACT };
 
-/* A sim of one system with 3 components, for steps of implicit-euler of any length. On failure
- * nothing is left. */
+/* A sim of one system with 3 components, with the solver and the work vectors of implicit-euler. On
+ * failure nothing is left. */
 msim_status ms_static_sim_create(msim_sim *of, int kind, msim_sim **sim, msim_error *err);
 
 /* MSIM_STOPPED: msim_sim_stop was called for `of`. */

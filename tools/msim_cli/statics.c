@@ -79,13 +79,37 @@ static double largest_tension(const statics *s) {
   return largest;
 }
 
-/* 1e-9 of the external forces, or, without any, of the tensions in the present state, whose
- * rounding errors may be larger */
+static double larger(double a, double b) { return a > b ? a : b; }
+
+/* The largest force on a particle in the present state */
+static double largest_force(const statics *s) {
+  msim_state now = {.size = sizeof now};
+  double largest = 0;
+  msim_sim_state(s->sim, &now);
+  double *force = calloc(3 * (size_t)now.n + 1, sizeof *force);
+  if (force) msim_sim_force(s->sim, now.x, now.v, force);
+  for (int32_t p = 0; p < now.n && force; p++)
+    largest = larger(largest, length(force + 3 * (size_t)p));
+  free(force);
+  return largest;
+}
+
+/* The largest k rest, of which tensions have rounding errors */
+static double largest_stiffness(const statics *s) {
+  msim_scene_view view = {.size = sizeof view};
+  double largest = 0;
+  msim_scene_get(s->made.scene, &view);
+  for (int32_t e = 0; e < view.nsprings; e++) largest = larger(largest, view.k[e] * view.rest[e]);
+  return largest;
+}
+
+/* 1e-9 of the external forces, or, without any, of the forces and tensions in the present state,
+ * but above their rounding errors */
 static double default_ftol(const statics *s) {
   const double external = external_force(s), tension = largest_tension(s);
-  const double wanted = 1e-9 * (external > 0 ? external : tension), least = 1e-13 * tension;
-  if (!(wanted > 0)) return 1e-9;
-  return wanted > least ? wanted : least;
+  const double wanted = 1e-9 * (external > 0 ? external : larger(tension, largest_force(s)));
+  const double least = larger(1e-13 * tension, 1e-15 * largest_stiffness(s));
+  return wanted > 0 || least > 0 ? larger(wanted, least) : 1e-9;
 }
 
 static int read_ftol(const statics *s, double *ftol) {

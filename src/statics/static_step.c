@@ -1,4 +1,4 @@
-#include "statics/contact_step.h"
+#include "statics/static_step.h"
 
 #include <math.h>
 #include <string.h>
@@ -17,22 +17,22 @@ enum { FORCE, RIGHT_SIDE, PRESCRIBED, DIRECTION, FORCE_NEXT };
 /* Friction of particles that slide, over the largest one of those that stick */
 #define SLIDING 0.99
 
-typedef struct contact_solve {
+typedef struct static_solve {
   ms_stepper *s;
-  ms_contact_set *e;
+  ms_contact_set *e; /* NULL: without obstacles */
   const ms_unknowns *rows;
   double h;
   int is_limited;     /* h is shorter than wanted, for the trust region */
-  int has_friction;   /* of any obstacle */
+  int needs_slope;    /* the line search has to look at forces, too */
   double slope;       /* J: what the forces would do along d */
   double noise;       /* J: reactions times rounding errors of positions */
   double alpha, gain; /* of the line search; gain: the reduction of U over alpha slope */
-} contact_solve;
+} static_solve;
 
 /*------------------------------------- forces ---------------------------------------------------*/
 
 /* The force on a particle in contact, raw; returns the limit of its friction. */
-static double get_force(const contact_solve *c, const ms_contact *on, double f[3]) {
+static double get_force(const static_solve *c, const ms_contact *on, double f[3]) {
   double left[3];
   ms_unknowns_get(c->rows, c->e->a, on->row, f);
   for (int k = 0; k < 3; k++) left[k] = f[k] *= c->s->model->mass[on->row];
@@ -40,21 +40,30 @@ static double get_force(const contact_solve *c, const ms_contact *on, double f[3
 }
 
 /* FORCE of a particle in contact */
-static void set_force(const contact_solve *c, const ms_contact *on) {
+static void set_force(const static_solve *c, const ms_contact *on) {
   double f[3];
   const double limit = get_force(c, on, f);
   if (!on->sticks && !on->enters) ms_vec3_axpy(-SLIDING * limit, on->sliding_direction, f);
   ms_unknowns_set(c->rows, f, on->row, c->s->work[FORCE]);
 }
 
-static void find_forces(contact_solve *c) {
+static int32_t count_contacts(const static_solve *c) { return c->e ? c->e->ncontacts : 0; }
+
+static void find_free_forces(const static_solve *c, const double *x, double *force) {
   ms_stepper *s = c->s;
-  ms_contact_curvature_update(s);
-  ms_vector_scale_rows(s->model->shape, s->model->mass, c->e->a, s->work[FORCE]);
-  for (int32_t i = 0; i < c->e->ncontacts; i++) set_force(c, &c->e->contact[i]);
+  ms_stepper_evaluate_model(s, s->model, &(ms_fused_step){.x = x, .v = s->v, .a = s->scratch});
+  ms_vector_scale_rows(s->model->shape, s->model->mass, s->scratch, force);
 }
 
-static int has_friction(const ms_stepper *s) {
+static void find_forces(static_solve *c) {
+  if (c->e) ms_contact_curvature_update(c->s);
+  find_free_forces(c, c->s->x, c->s->work[FORCE]);
+  for (int32_t i = 0; i < count_contacts(c); i++) set_force(c, &c->e->contact[i]);
+}
+
+/* 1: the change of energy that is known does not include friction or a force function. */
+static int needs_slope(const ms_stepper *s) {
+  if (s->model->function || !s->events) return s->model->function != NULL;
   const ms_collision_planes planes = ms_contact_set_planes(s);
   for (int32_t i = 0; i < planes.n; i++)
     if (planes.plane[i].friction > 0) return 1;
@@ -64,8 +73,9 @@ static int has_friction(const ms_stepper *s) {
 /*------------------------------------- a linear solve -------------------------------------------*/
 
 /* RIGHT_SIDE without what reactions and static friction balance; PRESCRIBED */
-static void constrain(contact_solve *c, const ms_contact *on, double tolerance) {
+static void constrain(static_solve *c, const ms_contact *on) {
   ms_stepper *s = c->s;
+  const ms_collision_planes planes = ms_contact_set_planes(s);
   double x[3], b[3], v[3] = {0}, held[3], to[MS_MAX_TOUCHED_PLANES], J[MS_MAX_INDEPENDENT_PLANES];
   ms_unknowns_get(c->rows, s->x, on->row, x);
   ms_unknowns_get(c->rows, s->work[RIGHT_SIDE], on->row, b);
@@ -73,27 +83,22 @@ static void constrain(contact_solve *c, const ms_contact *on, double tolerance) 
   if (on->sticks) memset(b, 0, sizeof b);
   else ms_impacts_remove_normal(&on->on, b, NULL);
   ms_vec3_axpy(-1, b, held);
-  c->noise += tolerance * ms_vec3_norm(held) / c->h;
+  c->noise += ms_impacts_distance_tolerance(&planes, x) * ms_vec3_norm(held) / c->h;
   for (int i = 0; i < on->on.n; i++) to[i] = -ms_impacts_distance(on->on.plane[i], x) / c->h;
   ms_impacts_set_normal_components(&on->on, to, v, J);
   ms_unknowns_set(c->rows, b, on->row, s->work[RIGHT_SIDE]);
   ms_unknowns_set(c->rows, v, on->row, s->work[PRESCRIBED]);
 }
 
-static void form_right_side(contact_solve *c) {
+static void form_right_side(static_solve *c) {
   ms_stepper *s = c->s;
   const ms_shape shape = s->model->shape;
-  const ms_collision_planes planes = ms_contact_set_planes(s);
   double *b = s->work[RIGHT_SIDE];
   ms_vector_copy(shape, s->work[FORCE], b);
   ms_vector_scale(shape, c->h, b);
   ms_vector_clear_all(shape, s->work[PRESCRIBED]);
   c->noise = 0;
-  for (int32_t i = 0; i < c->e->ncontacts; i++) {
-    double x[3];
-    ms_unknowns_get(c->rows, s->x, c->e->contact[i].row, x);
-    constrain(c, &c->e->contact[i], ms_impacts_distance_tolerance(&planes, x));
-  }
+  for (int32_t i = 0; i < count_contacts(c); i++) constrain(c, &c->e->contact[i]);
   /* the solver's base moves with the particles, whose inertia is to act on the whole way */
   ms_vector_scale_rows(shape, s->model->mass, s->work[PRESCRIBED], s->work[DIRECTION]);
   ms_vector_axpy(shape, -1, s->work[DIRECTION], b);
@@ -101,31 +106,29 @@ static void form_right_side(contact_solve *c) {
 
 /* DIRECTION = d/h - PRESCRIBED with the present contacts. Where H is not positive definite, it is
  * clamped, without negative curvature. */
-static msim_status solve(contact_solve *c, msim_error *err) {
+static msim_status solve(static_solve *c, msim_error *err) {
   ms_stepper *s = c->s;
   ms_linear_system_spec spec = {.x = s->x,
                                 .h = c->h,
                                 .indefinite = -1,
                                 .rtol = s->opt->newton_rtol,
-                                .base = s->work[PRESCRIBED],
-                                .constraint = c->e->constraint};
-  if (s->model->features & MS_HAS_SPRINGS) spec.nconstraints = c->e->ncontacts;
+                                .base = s->work[PRESCRIBED]};
   form_right_side(c);
   ms_stepper_linearize(s, s->x, s->v);
-  ms_contact_curvature_make_constraints(s, c->h, -INFINITY);
+  ms_contact_curvature_constrain(s, -INFINITY, &spec);
   msim_status status =
       ms_solver_solve(s->solver, &spec, s->work[RIGHT_SIDE], s->work[DIRECTION], err);
   if (status != MSIM_NOT_SPD) return status;
-  ms_contact_curvature_make_constraints(s, c->h, 0);
+  ms_contact_curvature_constrain(s, 0, &spec);
   spec.clamp = 1;
   return ms_solver_solve(s->solver, &spec, s->work[RIGHT_SIDE], s->work[DIRECTION], err);
 }
 
 /* DIRECTION = d/h, with the prescribed components, which weights have enforced roughly */
-static void add_prescribed(const contact_solve *c) {
+static void add_prescribed(const static_solve *c) {
   ms_stepper *s = c->s;
   ms_vector_axpy(s->model->shape, 1, s->work[PRESCRIBED], s->work[DIRECTION]);
-  for (int32_t i = 0; i < c->e->ncontacts; i++) {
+  for (int32_t i = 0; i < count_contacts(c); i++) {
     const ms_contact *on = &c->e->contact[i];
     double v[3], along[3] = {0};
     if (!on->sticks) ms_unknowns_get(c->rows, s->work[DIRECTION], on->row, along);
@@ -140,7 +143,7 @@ static void add_prescribed(const contact_solve *c) {
 
 /* Whether a particle sticks or slides; f: what reactions balance along the surface, v: its
  * velocity. Returns 1 if that has changed. */
-static int update_friction(const contact_solve *c, ms_contact *on, const double f[3],
+static int update_friction(const static_solve *c, ms_contact *on, const double f[3],
                            const double v[3]) {
   double unused[3];
   const int before = on->sticks;
@@ -155,7 +158,7 @@ static int update_friction(const contact_solve *c, ms_contact *on, const double 
 
 /* Removes planes that would have to pull. What reactions balance is the force less that which moves
  * the weights of the constraint. Returns 1 if the contact has changed. */
-static int update_contact(const contact_solve *c, ms_contact *on, const ms_constraint *g) {
+static int update_contact(const static_solve *c, ms_contact *on, const ms_constraint *g) {
   static const double zero[MS_MAX_TOUCHED_PLANES] = {0};
   const ms_plane_set all = on->on;
   double f[3], v[3], J[MS_MAX_INDEPENDENT_PLANES] = {0};
@@ -174,20 +177,20 @@ static int update_contact(const contact_solve *c, ms_contact *on, const ms_const
   return update_friction(c, on, f, v) || changed;
 }
 
-static int update_contacts(contact_solve *c) {
+static int update_contacts(static_solve *c) {
   int32_t kept = 0;
   int changed = 0;
-  for (int32_t i = 0; i < c->e->ncontacts; i++) {
+  for (int32_t i = 0; i < count_contacts(c); i++) {
     ms_contact *on = &c->e->contact[i];
     changed |= update_contact(c, on, &c->e->constraint[i]);
     if (on->on.n) c->e->contact[kept++] = *on;
     else set_force(c, on);
   }
-  c->e->ncontacts = kept;
+  if (c->e) c->e->ncontacts = kept;
   return changed;
 }
 
-static double find_longest_way(const contact_solve *c) {
+static double find_longest_way(const static_solve *c) {
   double longest = 0;
   for (int32_t r = 0; r < c->rows->nfree; r++) {
     double v[3];
@@ -199,7 +202,7 @@ static double find_longest_way(const contact_solve *c) {
 
 /* d, with h so short that it lies in the trust region at first; solves until the active set stays,
  * MOST times */
-static msim_status find_direction(contact_solve *c, ms_contact_step *step, msim_error *err) {
+static msim_status find_direction(static_solve *c, ms_static_step *step, msim_error *err) {
   enum { MOST = 8 };
   ms_stepper *s = c->s;
   for (int i = 0, changed = 1; i < MOST && changed;) {
@@ -216,7 +219,7 @@ static msim_status find_direction(contact_solve *c, ms_contact_step *step, msim_
     add_prescribed(c);
     ms_vector_copy_all(s->model->shape, s->x, s->x_next);
     ms_vector_axpy(s->model->shape, c->h, s->work[DIRECTION], s->x_next);
-    changed |= ms_contact_joining_add_penetrating(s, 0) > 0;
+    changed |= c->e && ms_contact_joining_add_penetrating(s, 0) > 0;
   }
   return MSIM_OK;
 }
@@ -225,7 +228,7 @@ static msim_status find_direction(contact_solve *c, ms_contact_step *step, msim_
 
 /* The planes of a contact onto which x is to be moved: those that it is behind, and, with `all`,
  * those whose edges it has not passed */
-static ms_plane_set select_planes(const contact_solve *c, const ms_contact *on, int all,
+static ms_plane_set select_planes(const static_solve *c, const ms_contact *on, int all,
                                   const double x[3]) {
   const ms_collision_planes planes = ms_contact_set_planes(c->s);
   const double tolerance = ms_impacts_distance_tolerance(&planes, x);
@@ -245,7 +248,7 @@ static ms_plane_set select_planes(const contact_solve *c, const ms_contact *on, 
 }
 
 /* Moves a particle onto its planes and surfaces, or out of those that it is yet to reach. */
-static void place_contact(const contact_solve *c, const ms_contact *on) {
+static void place_contact(const static_solve *c, const ms_contact *on) {
   enum { MOST = 8 };
   const int all = !on->enters || c->alpha == 1;
   double x[3];
@@ -259,19 +262,19 @@ static void place_contact(const contact_solve *c, const ms_contact *on) {
 }
 
 /* x_next = x + alpha d, with particles moved onto the surfaces, and v_next = x_next - x */
-static void move(const contact_solve *c) {
+static void move(const static_solve *c) {
   ms_stepper *s = c->s;
   const ms_shape shape = s->model->shape;
   ms_vector_copy_all(shape, s->x, s->x_next);
   ms_vector_axpy(shape, c->alpha * c->h, s->work[DIRECTION], s->x_next);
-  ms_contact_joining_add_penetrating(s, 0);
-  for (int32_t i = 0; i < c->e->ncontacts; i++) place_contact(c, &c->e->contact[i]);
+  if (c->e) ms_contact_joining_add_penetrating(s, 0);
+  for (int32_t i = 0; i < count_contacts(c); i++) place_contact(c, &c->e->contact[i]);
   ms_vector_clear_all(shape, s->v_next);
   ms_vector_add_scaled(shape, s->x_next, -1, s->x, s->v_next);
 }
 
 /* Adds friction at x_next against the direction to f, which acts there. */
-static void add_friction(const contact_solve *c, const ms_contact *on, double f[3]) {
+static void add_friction(const static_solve *c, const ms_contact *on, double f[3]) {
   const ms_collision_planes planes = ms_contact_set_planes(c->s);
   double x[3], along[3], left[3] = {f[0], f[1], f[2]};
   ms_unknowns_get(c->rows, c->s->x_next, on->row, x);
@@ -286,12 +289,11 @@ static void add_friction(const contact_solve *c, const ms_contact *on, double f[
 }
 
 /* What the forces at x_next would do along d */
-static double find_next_slope(const contact_solve *c) {
+static double find_next_slope(const static_solve *c) {
   ms_stepper *s = c->s;
   double *force = s->work[FORCE_NEXT];
-  ms_contact_set_free_acceleration(s, 1, s->x_next, s->v, c->e->a_end);
-  ms_vector_scale_rows(s->model->shape, s->model->mass, c->e->a_end, force);
-  for (int32_t i = 0; i < c->e->ncontacts; i++) {
+  find_free_forces(c, s->x_next, force);
+  for (int32_t i = 0; i < count_contacts(c); i++) {
     const ms_contact *on = &c->e->contact[i];
     double f[3];
     if (on->sticks) continue;
@@ -303,7 +305,7 @@ static double find_next_slope(const contact_solve *c) {
 }
 
 /* 1: alpha is accepted; else *better is the minimum of a parabola. */
-static int try_alpha(contact_solve *c, double *better) {
+static int try_alpha(static_solve *c, double *better) {
   ms_stepper *s = c->s;
   move(c);
   const double change = ms_nonlinearity_compute(s->model, s->x, 1, s->v_next, 1, s->scratch) -
@@ -313,12 +315,12 @@ static int try_alpha(contact_solve *c, double *better) {
     *better = c->alpha / (2 * (1 - c->gain));
     return 0;
   }
-  const double next = c->has_friction ? find_next_slope(c) : 0;
+  const double next = c->needs_slope ? find_next_slope(c) : 0;
   *better = c->alpha * c->slope / (c->slope - next);
   return next >= -0.5 * c->slope - c->noise;
 }
 
-static msim_status search_line(contact_solve *c, msim_error *err) {
+static msim_status search_line(static_solve *c, msim_error *err) {
   enum { MOST = 12 };
   const ms_stepper *s = c->s;
   c->slope = c->h * ms_vector_dot(s->model->shape, s->work[FORCE], s->work[DIRECTION]);
@@ -334,7 +336,7 @@ static msim_status search_line(contact_solve *c, msim_error *err) {
 /*------------------------------------- the step -------------------------------------------------*/
 
 /* h and radius of the next step */
-static void adapt(const contact_solve *c, msim_status status, ms_contact_step *step) {
+static void adapt(const static_solve *c, msim_status status, ms_static_step *step) {
   const double GOOD = 0.3, FEW = 0.1, LEAST = 1e-3;
   step->h = c->h;
   if (status) step->h /= 10;
@@ -346,13 +348,13 @@ static void adapt(const contact_solve *c, msim_status status, ms_contact_step *s
   else if (c->gain > GOOD) step->h *= 5;
 }
 
-msim_status ms_contact_step_make(ms_contact_step *step, msim_sim *sim, double *x, msim_error *err) {
+msim_status ms_static_step_make(ms_static_step *step, msim_sim *sim, double *x, msim_error *err) {
   msim_status status = ms_static_sim_start(sim, x, step->h, err);
   if (status) return status;
   ms_stepper *s = &sim->islands->stepper;
   double *const start = s->x, *const rest = s->v;
-  contact_solve c = {.s = s, .e = s->events, .rows = &s->model->unknowns, .h = step->h};
-  c.has_friction = has_friction(s);
+  static_solve c = {.s = s, .e = s->events, .rows = &s->model->unknowns, .h = step->h};
+  c.needs_slope = needs_slope(s);
   find_forces(&c);
   status = find_direction(&c, step, err);
   if (!status) status = search_line(&c, err);
