@@ -258,7 +258,7 @@ static msim_status pcg_iterate(ms_pcg *s, const double *b, double goal, int64_t 
 }
 
 /* Rounding p to floats changes A p by some u times the largest entry of A. That may not exceed a
- * quarter of the share of inertia, which is all that resists the motions of free bodies: these would
+ * quarter of the share of inertia, which is all that resists the motions of free bodies: they would
  * come back, and cost more iterations than floats save time, 1.2 times as many at this limit. */
 static int may_round_vectors(const ms_pcg *s) {
   const double U = FLT_EPSILON / 2;

@@ -3,6 +3,7 @@
 #include <float.h>
 #include <math.h>
 
+#include "base/ranks.h"
 #include "linear/jacobi.h"
 
 void ms_residual_compute_change_rhs(const ms_linear_system *s, const double *b, const double *base,
@@ -39,4 +40,17 @@ double ms_residual_compute_rounding_level(const ms_linear_system *s, const doubl
     sum += ms_jacobi_norm(s->model, &s->a, work2);
   }
   return 8 * DBL_EPSILON * sum;
+}
+
+double ms_residual_compute_curvature(const ms_linear_system *s, const double *b, const double *v) {
+  const ms_shape shape = s->model->shape;
+  double product[] = {0, 0};
+  for (size_t c = 0; c < (size_t)shape.dims; c++)
+    for (int32_t r = 0; r < shape.n; r++) {
+      const size_t at = c * (size_t)shape.stride + (size_t)r;
+      product[0] += v[at] * b[at];
+      product[1] += v[at] * s->model->mass[r] * v[at];
+    }
+  ms_ranks_sum(shape.ranks, 2, product);
+  return product[0] / product[1];
 }

@@ -18,6 +18,9 @@ const double *ms_residual_subtract_guess(const ms_linear_system *s, const double
                                          const double *guess, ms_linear_target *target,
                                          double *work, double *to);
 
+/* v.A v / v.M v for the solution v of A v = b; NAN: v = 0. Collective. */
+double ms_residual_compute_curvature(const ms_linear_system *s, const double *b, const double *v);
+
 /* The norm of the rounding errors of a residual, 8 eps (|A| |y| + |b|). It is the sum of the norms
  * of single components, because signs are arbitrary, and D^-1 may nearly cancel components. */
 double ms_residual_compute_rounding_level(const ms_linear_system *s, const double *b,

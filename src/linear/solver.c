@@ -386,6 +386,11 @@ static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, 
   return status;
 }
 
+/* Conjugate gradients may miss that A is hardly definite, or not: they find far too large a v. */
+static int is_nearly_singular(const ms_solver *s, const double *b, const double *v) {
+  return !s->linear->factorises && ms_residual_compute_curvature(&s->system, b, v) < 0.01;
+}
+
 static msim_status solve_variable(ms_solver *s, const ms_linear_system_spec *r, const double *b,
                                   double *v, msim_error *err) {
   const int clamp = r->clamp || (s->system.clamped && continues_last_solve(s, r));
@@ -398,7 +403,8 @@ static msim_status solve_variable(ms_solver *s, const ms_linear_system_spec *r, 
   const int64_t before = s->stats->iterations, made = s->linear->coarse_factors;
   status = factor_and_solve(s, MSIM_FACTOR_SPD, b, v, err);
   if (!status) amortize_factor(s, s->stats->iterations - before, s->linear->coarse_factors > made);
-  return status;
+  const int may_clamp = !status && !clamp && r->indefinite == MSIM_INDEFINITE_CLAMP;
+  return may_clamp && is_nearly_singular(s, b, v) ? MSIM_NOT_SPD : status;
 }
 
 static msim_status solve_once(ms_solver *s, const ms_linear_system_spec *r, const double *b,

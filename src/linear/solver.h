@@ -101,7 +101,8 @@ typedef struct ms_linear_system_spec {
  *      a new factorization.
  *   2. Iterative refinement, up to 3 steps, if the residual of a factorization is too large.
  *   3. If A is found not positive definite, according to `indefinite`: the system is solved again
- *      with the clamped matrix, or as it is, or the result is MSIM_NOT_SPD.
+ *      with the clamped matrix, or as it is, or the result is MSIM_NOT_SPD. With the clamped matrix
+ *      also where an iterative solver finds A nearly singular.
  *   4. MSIM_NOT_CONVERGED if the residual is still too large, except that with incomplete =
  *      accept the last iterate of an iterative solver is the solution (`incomplete`), and that
  *   5. auto replaces pcg by cholmod for good, if cholmod is available.
