@@ -15,15 +15,15 @@ enum { STEPS = 300, PART = 5, HALF = 19 };
 /* The step of the pilot run of a dumbbell of two particles of 1 kg: omega^2 = 2 k */
 #define STEP (MS_STABLE_FRACTION * 2 / sqrt(2 * 1000.))
 
-typedef struct flight {
+typedef struct fall {
   msim_scene *scene;
   msim_sim *sim;
   ms_pilot_run run;
-} flight;
+} fall;
 
-/* The pilot run of a level dumbbell that starts at height z with velocity v, in free flight until
- * it meets the plane z = 0 */
-static void fly(double z, double v, flight *f) {
+/* The pilot run of a level dumbbell that starts at height z with velocity v and falls
+ * onto the plane z = 0 */
+static void set_up(double z, double v, fall *f) {
   const double x[6] = {0, 0, z, 1, 0, z}, speed[6] = {0, 0, v, 0, 0, v}, mass[2] = {1, 1};
   const double k = 1000, rest = 1, g[3] = {0, 0, -GRAVITY};
   const int32_t ij[2] = {0, 1};
@@ -39,7 +39,7 @@ static void fly(double z, double v, flight *f) {
   assert_ok(ms_pilot_run_make(&f->run, err));
 }
 
-static void end_flight(flight *f) {
+static void tear_down(fall *f) {
   ms_pilot_run_end(&f->run);
   msim_sim_destroy(f->sim);
   msim_scene_destroy(f->scene);
@@ -55,8 +55,8 @@ static void it_ends_with_the_part_of_an_impact(void **state) {
   for (size_t i = 0; i < sizeof impacts / sizeof *impacts; i++) {
     const double t = (impacts[i] - 0.5) * STEP, z = GRAVITY * t * t / 2;
     const int began = impacts[i] / PART * PART, end = began + PART;
-    flight f;
-    fly(z, 0, &f);
+    fall f;
+    set_up(z, 0, &f);
     assert_true(f.run.met_plane && f.run.planes_count);
     assert_steps(f.run.duration, end);
     assert_steps(f.run.span - f.run.remaining, began);
@@ -64,34 +64,34 @@ static void it_ends_with_the_part_of_an_impact(void **state) {
     assert_close(f.run.end.x[2], z - fallen, 1e-9 * z);
     assert_close(f.run.end.v[2], -GRAVITY * began * STEP, 1e-9 * GRAVITY * t);
     assert_true(f.run.middle.v[2] > f.run.end.v[2]); /* after the impact */
-    end_flight(&f);
+    tear_down(&f);
   }
 }
 
-/* A plane that is close at the start counts: the flight goes on to an impact in mid-run. */
-static void it_flies_to_an_impact_where_a_plane_is_close(void **state) {
+/* A plane that is close at the start counts: the pilot run goes on to an impact in mid-run. */
+static void it_goes_on_to_an_impact_where_a_plane_is_close(void **state) {
   (void)state;
   const int impact = STEPS / 2;
-  flight f;
-  fly(1e-6, GRAVITY * impact * STEP / 2, &f);
+  fall f;
+  set_up(1e-6, GRAVITY * impact * STEP / 2, &f);
   assert_true(f.run.met_plane && f.run.planes_count);
   assert_true(f.run.duration > impact * STEP && f.run.duration < (impact + 2 * PART) * STEP);
-  end_flight(&f);
+  tear_down(&f);
 }
 
 /* A plane that is far counts only if the impact is in the first third of the run. */
 static void far_planes_do_not_count(void **state) {
   (void)state;
   const double t = STEPS / 2 * STEP, z = GRAVITY * t * t / 2;
-  flight f;
-  fly(z, 0, &f);
+  fall f;
+  set_up(z, 0, &f);
   assert_true(!f.run.met_plane && !f.run.planes_count);
   assert_steps(f.run.duration, 2 * HALF);
   assert_close(f.run.remaining, f.run.span, 0);
   const double half = HALF * STEP;
   assert_close(f.run.middle.x[2], z - GRAVITY * half * half / 2, 1e-9 * z);
   assert_close(f.run.end.x[2], z - 2 * GRAVITY * half * half, 1e-9 * z);
-  end_flight(&f);
+  tear_down(&f);
 }
 
 /* Fewer than 12 free particles are few, 64 are many. */
@@ -116,9 +116,9 @@ static void free_particles_are_counted(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(it_ends_with_the_part_of_an_impact),
-                                     cmocka_unit_test(it_flies_to_an_impact_where_a_plane_is_close),
-                                     cmocka_unit_test(far_planes_do_not_count),
-                                     cmocka_unit_test(free_particles_are_counted)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(it_ends_with_the_part_of_an_impact),
+      cmocka_unit_test(it_goes_on_to_an_impact_where_a_plane_is_close),
+      cmocka_unit_test(far_planes_do_not_count), cmocka_unit_test(free_particles_are_counted)};
   return cmocka_run_group_tests_name("pilot_run", tests, NULL, NULL);
 }

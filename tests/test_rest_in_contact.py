@@ -184,6 +184,12 @@ class RestInContact(CliTest):
                 self.check(s, on)
         self.assertLess(self.iterations, 500 * 36)
 
+    def check_is_not_held(self, s, on, *words):
+        self.scene(on.add_to(s.json()))
+        status, _, err = self.cli("rest", "scene.json")
+        self.assertEqual(status, 2)
+        self.assert_sentence(err, *words, "held by no obstacle")
+
     def pair(self, x, y):
         """Two particles on a spring, short against the obstacles"""
         s = Scene()
@@ -232,10 +238,7 @@ class RestInContact(CliTest):
                 if holds:
                     self.check(s, on)
                     continue
-                self.scene(on.add_to(s.json()))
-                status, _, err = self.cli("rest", "scene.json")
-                self.assertEqual(status, 2)
-                self.assert_sentence(err, "held by no obstacle")
+                self.check_is_not_held(s, on)
 
     def test_a_slope(self):
         """A body slides along planes that do not face its weight, unless friction holds it."""
@@ -246,10 +249,7 @@ class RestInContact(CliTest):
                 if holds:
                     self.check(s, on)
                     continue
-                self.scene(on.add_to(s.json()))
-                status, _, err = self.cli("rest", "scene.json")
-                self.assertEqual(status, 2)
-                self.assert_sentence(err, "1.96 N", "held by no obstacle")
+                self.check_is_not_held(s, on, "1.96 N")
 
     def test_curved_in_one_direction(self):
         """A bar across a trough, a cylinder inside out: as in a bowl, and free along the axis. On a

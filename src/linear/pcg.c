@@ -264,8 +264,9 @@ static int may_round_vectors(const ms_pcg *s) {
   const double U = FLT_EPSILON / 2;
   const ms_model *model = s->base.system->model;
   double least = INFINITY;
+  if (!s->coarse_is_ready || model->rank_model) return 0;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) least = fmin(least, model->mass[r]);
-  return s->coarse_is_ready && !model->rank_model && 4 * U * s->jacobi.scale <= least;
+  return 4 * U * s->jacobi.scale <= least;
 }
 
 /* A power of 2 near a norm of b. Powers of it are exact. */
