@@ -185,7 +185,7 @@ static const char *count_iterations(msim_comm *comm, void *data) {
   EXPECT(msim_sim_stats(sim, &stats) == MSIM_OK);
   msim_sim_destroy(sim);
   snprintf(why.text, sizeof why.text, "%lld iterations", (long long)stats.iterations);
-  EXPECT(stats.iterations > 0.8 * r->steps && stats.iterations < 1.35 * r->steps);
+  EXPECT(stats.iterations > 0.8 * r->steps && stats.iterations < 1.25 * r->steps);
   return NULL;
 }
 

@@ -47,8 +47,8 @@ static void coarse_spaces(void **state) {
   (void)state;
   msim_scene *cloth = hanging_cloth(48, 20000, 0.01), *jelly = pinned_block(12, 1, 1e5, 0);
   const msim_options opt = options("linearly-implicit-euler", 5e-3);
-  check_implicit("stiff cloth", cloth, opt, 4, 1.35);
-  check_implicit("stiff jelly", jelly, opt, 4, 1.35);
+  check_implicit("stiff cloth", cloth, opt, 4, 1.25);
+  check_implicit("stiff jelly", jelly, opt, 4, 1.25);
   msim_scene_destroy(cloth);
   msim_scene_destroy(jelly);
 }
@@ -83,7 +83,7 @@ static void dependent_modes(void **state) {
     assert_ok(msim_scene_create(NULL, &scene, err));
     assert_ok(i ? msim_scene_add_rope(scene, &rope, err) : msim_scene_add_cloth(scene, &net, err));
     assert_ok(msim_scene_set_gravity(scene, g, err));
-    check_implicit(names[i], scene, options("linearly-implicit-euler", 5e-3), 4, 1.35);
+    check_implicit(names[i], scene, options("linearly-implicit-euler", 5e-3), 4, 1.25);
     msim_scene_destroy(scene);
   }
 }

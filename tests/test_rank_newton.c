@@ -57,7 +57,7 @@ static void unequal_ranks(void **state) {
   assert_ok(msim_scene_add_springs(rope, 1, ij, &k, &rest, &damping, err));
   assert_ok(msim_scene_set_forces(jelly, force, err));
   check_implicit("one damper", rope, options("implicit-euler", 2e-3), 3, 1.25);
-  check_implicit("one force", jelly, options("implicit-euler", 0.05), 5, 1.35);
+  check_implicit("one force", jelly, options("implicit-euler", 0.05), 5, 1.25);
   check_implicit("small mesh", small, options("implicit-midpoint", 0.01), 3, 100);
   msim_scene_destroy(rope);
   msim_scene_destroy(jelly);

@@ -4,6 +4,7 @@
 
 #include "linear/coarse_angles.h"
 #include "linear/coarse_kernels.h"
+#include "linear/coarse_overlap.h"
 
 MS_TABLES(ms_coarse_kernels);
 
@@ -70,6 +71,8 @@ static msim_status analyse(const ms_model *model, int32_t cluster, ms_coarse *co
                                       &coarse->chol, err);
   coarse->value = cluster ? coarse->cycle.value : coarse->chol.value;
   coarse->position = cluster ? coarse->cycle.position : coarse->chol.position;
+  if (!status && model->rank_model)
+    status = ms_coarse_overlap_create(coarse, &graph, &coarse->overlap, err);
   MS_FREE(alloc, graph.ptr, graph.ind, mark, list);
   return status;
 }
@@ -129,6 +132,7 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   ms_restriction_destroy(coarse->model, &coarse->restriction);
   ms_block_cholesky_destroy(alloc, &coarse->chol);
   ms_coarse_cycle_destroy(alloc, &coarse->cycle);
+  ms_coarse_overlap_destroy(alloc, coarse->overlap);
   MS_FREE(alloc, coarse->first_block, coarse->block, coarse->diagonal, coarse->r, coarse->z,
           coarse->modes, coarse->constrained);
   *coarse = (ms_coarse){0};
@@ -204,6 +208,7 @@ msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a) {
   memset(coarse->value, 0, ms_coarse_value_size(coarse) * sizeof *coarse->value);
   coarse_run(assemble_chunk, &(coarse_job){.coarse = coarse, .a = a});
   add_constrained_inertia(coarse, a->inertia);
+  if (coarse->overlap) ms_coarse_overlap_factor(coarse);
   return coarse->cycle.n ? ms_coarse_cycle_factor(&coarse->cycle, coarse->model->pool)
                          : ms_block_cholesky_factor(&coarse->chol);
 }
@@ -229,6 +234,7 @@ double ms_coarse_solve(ms_coarse *coarse) {
     memcpy(coarse->z, coarse->r, (size_t)n * sizeof *coarse->z);
     ms_block_cholesky_solve(&coarse->chol, coarse->z);
   }
+  if (coarse->leaves_overlap) ms_coarse_overlap_subtract(coarse);
   double sum = 0;
   for (int32_t i = 0; i < n; i++) sum += coarse->r[i] * coarse->z[i];
   return sum;

@@ -30,7 +30,9 @@ typedef struct ms_coarse {
   float *modes;         /* unconstrained aggregates.weight; NULL where there are no planes */
   int32_t *constrained; /* nheld constrained unknowns; NULL where there are no planes */
   int32_t nconstrained;
-  int is_constrained_more; /* 1: by ms_coarse_constrain_more() */
+  int is_constrained_more;           /* 1: by ms_coarse_constrain_more() */
+  struct ms_coarse_overlap *overlap; /* with the modes of ranks; NULL: one process */
+  int leaves_overlap;                /* 1: to those, which are ready */
   const struct ms_coarse_kernels *kernels;
 } ms_coarse;
 
@@ -84,8 +86,8 @@ msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a);
  * threads. r: of doubles, or of floats if `single` */
 void ms_coarse_restrict(ms_coarse *coarse, int single, const void *r, int32_t begin, int32_t end);
 
-/* After that of all chunks: coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r. Returns
- * coarse->r . coarse->z. */
+/* After that of all chunks: coarse->r = P^T r, coarse->z = (P^T A P)^-1 coarse->r, without what it
+ * leaves to the modes of ranks (coarse_overlap.h). Returns coarse->r . coarse->z. */
 double ms_coarse_solve(ms_coarse *coarse);
 
 #endif

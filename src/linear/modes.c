@@ -79,10 +79,9 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES], int first) {
   for (int m = first; m < MS_MODES; m++) normalise(n, v, m, orthogonalise(n, v, m, m));
 }
 
-/* Lets the translation and the independent coordinates be the first vectors, orthonormal. Returns
- * their number. A coordinate is not independent where only a LITTLE part of it is none of the
- * others', as in a tilted cloth, flat but for noise. */
-static int orthonormalise_coordinates(int32_t n, double (*v)[MS_MODES]) {
+/* A coordinate is not independent where only a LITTLE part of it is none of the others', as in a
+ * tilted cloth, flat but for noise. */
+int ms_modes_orthonormalise_coordinates(int32_t n, double (*v)[MS_MODES]) {
   const double LITTLE = 0.1;
   double largest = 0;
   int known = 1;
@@ -99,7 +98,7 @@ static int orthonormalise_coordinates(int32_t n, double (*v)[MS_MODES]) {
 /* Inverse iteration. The start is a quadratic sequence, as a linear one may be a coordinate. */
 void ms_modes_complete(int32_t n, double mean, ms_modes_workspace *w) {
   enum { ITERATIONS = 8 };
-  const int known = orthonormalise_coordinates(n, w->v);
+  const int known = ms_modes_orthonormalise_coordinates(n, w->v);
   if (known == MS_MODES) return;
   factor_laplacian(n, mean, w);
   for (int32_t i = 0; i < n; i++)

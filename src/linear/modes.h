@@ -26,6 +26,10 @@ void ms_modes_destroy_workspace(const msim_allocator *alloc, ms_modes_workspace 
  * depend on directions, as the matrix is then that of the Laplacian. */
 void ms_modes_affine_functions(const ms_model *model, int32_t row, double f[MS_MODES]);
 
+/* Lets the translation and the independent coordinates be the first vectors, orthonormal. v: the
+ * affine functions on n unknowns (or their parts in n modes). Returns the number of these. */
+int ms_modes_orthonormalise_coordinates(int32_t n, double (*v)[MS_MODES]);
+
 /* w->v, the affine functions on n unknowns (or their parts in n modes), becomes an orthonormal
  * basis of those that are independent, completed by the smoothest vectors orthogonal to them: those
  * of the largest v.L^-1 v, within a quarter, L the Laplacian w->u. mean: that of its diagonal */

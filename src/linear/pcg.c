@@ -221,6 +221,7 @@ static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   status = ms_ranks_agree_on(base->system->model->shape.ranks, status, &bits, NULL);
   s->modes->is_ready = 0;
   if (!status && bits.any) ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale);
+  s->coarse.leaves_overlap = s->coarse_is_ready && s->modes->is_ready;
   return status;
 }
 

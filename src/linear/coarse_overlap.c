@@ -1,0 +1,118 @@
+#include "linear/coarse_overlap.h"
+
+#include <string.h>
+
+#include "linear/modes.h"
+
+/*------------------------------------- creation -------------------------------------------------*/
+
+/* R = W^T of the affine functions, W the modes of the aggregates, orthonormal like these */
+static void find_motions(const ms_coarse *coarse, struct ms_coarse_overlap *q) {
+  const ms_aggregates *a = &coarse->aggregates;
+  for (int32_t i = 0; i < a->first[a->n]; i++) {
+    const int32_t row = a->unknown[i];
+    double f[MS_MODES];
+    ms_modes_affine_functions(coarse->model, row, f);
+    for (int m = 0; m < MS_MODES; m++)
+      for (int k = 0; k < MS_MODES; k++)
+        q->motions[MS_MODES * a->of[row] + m][k] += (double)a->weight[MS_MODES * row + m] * f[k];
+  }
+  const int known = ms_modes_orthonormalise_coordinates(MS_MODES * a->n, q->motions);
+  for (int32_t i = 0; i < MS_MODES * a->n; i++)
+    for (int k = known; k < MS_MODES; k++) q->motions[i][k] = 0;
+}
+
+static void list_links(const ms_coarse *coarse, const ms_sparse_graph *graph,
+                       struct ms_coarse_overlap *q) {
+  for (int32_t i = 0; i < graph->n; i++)
+    for (int32_t at = graph->ptr[i]; at < graph->ptr[i + 1]; at++) {
+      const int32_t j = graph->ind[at];
+      if (coarse->position[i] < coarse->position[j]) continue;
+      int32_t *link = q->links[q->nlinks++];
+      link[0] = i, link[1] = j, link[2] = ms_coarse_find(coarse, i, j);
+    }
+}
+
+msim_status ms_coarse_overlap_create(const ms_coarse *coarse, const ms_sparse_graph *graph,
+                                     struct ms_coarse_overlap **overlap, msim_error *err) {
+  static const char WHAT[] = "the affine motions of the rank";
+  const msim_allocator *alloc = &coarse->model->scene->alloc;
+  const ms_sparse_graph one = {.n = 1, .ptr = (int32_t[]){0, 0}};
+  struct ms_coarse_overlap *q = *overlap = ms_memory_allocate(alloc, 1, sizeof *q);
+  if (!q || !MS_NEW(alloc, q->motions, MS_MODES * (size_t)graph->n) ||
+      !MS_NEW(alloc, q->links, graph->ptr[graph->n]))
+    return ms_error_set_memory(err, WHAT);
+  find_motions(coarse, q);
+  list_links(coarse, graph, q);
+  return ms_block_cholesky_create(alloc, &one, MS_MODES * coarse->model->unknowns.dims,
+                                  coarse->model->isa, &q->chol, err);
+}
+
+void ms_coarse_overlap_destroy(const msim_allocator *alloc, struct ms_coarse_overlap *q) {
+  if (!q) return;
+  ms_block_cholesky_destroy(alloc, &q->chol);
+  MS_FREE(alloc, q->motions, q->links, q);
+}
+
+/*------------------------------------- the matrix -----------------------------------------------*/
+
+/* sum += R_i^T block R_j, all by columns */
+static void add_product(size_t n, const double *block, double (*ri)[MS_MODES],
+                        double (*rj)[MS_MODES], double *sum) {
+  for (size_t c = 0; c < n; c += MS_MODES)
+    for (size_t d = 0; d < n; d += MS_MODES)
+      for (size_t i = 0; i < MS_MODES; i++) {
+        double row[MS_MODES] = {0};
+        for (size_t j = 0; j < MS_MODES; j++)
+          for (size_t l = 0; l < MS_MODES; l++) row[l] += block[n * (d + j) + c + i] * rj[j][l];
+        for (size_t l = 0; l < MS_MODES; l++)
+          for (size_t k = 0; k < MS_MODES; k++) sum[n * (d + l) + c + k] += ri[i][k] * row[l];
+      }
+}
+
+/* The lower triangle of a diagonal block and its transpose */
+static void mirror(size_t n, const double *lower, double *block) {
+  for (size_t j = 0; j < n; j++)
+    for (size_t i = j; i < n; i++) block[n * j + i] = block[n * i + j] = lower[n * j + i];
+}
+
+/* Motions that do not depend on coordinates have zeros: 1 on the diagonal makes them harmless. */
+void ms_coarse_overlap_factor(const ms_coarse *coarse) {
+  enum { MOST = MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK };
+  struct ms_coarse_overlap *q = coarse->overlap;
+  const size_t n = (size_t)q->chol.block, area = n * n;
+  double links[MOST] = {0}, block[MOST], *sum = q->chol.value;
+  memset(sum, 0, area * sizeof *sum);
+  for (int32_t k = 0; k < coarse->aggregates.n; k++) {
+    mirror(n, coarse->value + area * (size_t)coarse->diagonal[k], block);
+    add_product(n, block, q->motions + MS_MODES * k, q->motions + MS_MODES * k, sum);
+  }
+  for (int32_t k = 0; k < q->nlinks; k++) {
+    const int32_t *link = q->links[k];
+    add_product(n, coarse->value + area * (size_t)link[2], q->motions + MS_MODES * link[0],
+                q->motions + MS_MODES * link[1], links);
+  }
+  for (size_t j = 0; j < n; j++)
+    for (size_t i = 0; i < n; i++) sum[n * j + i] += links[n * j + i] + links[n * i + j];
+  for (size_t i = 0; i < n; i++)
+    if (sum[n * i + i] == 0) sum[n * i + i] = 1;
+  q->is_factored = !ms_block_cholesky_factor(&q->chol);
+}
+
+/*------------------------------------- solution -------------------------------------------------*/
+
+void ms_coarse_overlap_subtract(const ms_coarse *coarse) {
+  const struct ms_coarse_overlap *q = coarse->overlap;
+  const size_t n = (size_t)q->chol.block, dims = n / MS_MODES;
+  double b[MS_BLOCK_CHOLESKY_MAX_BLOCK] = {0};
+  if (!q->is_factored) return;
+  for (size_t i = 0; i < dims * MS_MODES * (size_t)coarse->aggregates.n; i++) {
+    const size_t c = i % n / MS_MODES, mode = i / n * MS_MODES + i % MS_MODES;
+    for (size_t k = 0; k < MS_MODES; k++) b[MS_MODES * c + k] += q->motions[mode][k] * coarse->r[i];
+  }
+  ms_block_cholesky_solve(&q->chol, b);
+  for (size_t i = 0; i < dims * MS_MODES * (size_t)coarse->aggregates.n; i++) {
+    const size_t c = i % n / MS_MODES, mode = i / n * MS_MODES + i % MS_MODES;
+    for (size_t k = 0; k < MS_MODES; k++) coarse->z[i] -= q->motions[mode][k] * b[MS_MODES * c + k];
+  }
+}

@@ -1,0 +1,36 @@
+/* coarse_overlap - what the coarse space of a rank shares with the modes of ranks (rank_modes.h)
+ *
+ * The affine motions of a whole rank belong to both, and both would correct them: that adds up to 1
+ * to the largest eigenvalue of B A. The coarse correction, which knows of no other rank, leaves
+ * them to those modes:
+ *     z = A^-1 r - R (R^T A R)^-1 R^T r,
+ * where A is the coarse matrix of the rank, and R has these motions in terms of the coarse modes:
+ * the correction by deflation (Nicolaides, SIAM J. Numer. Anal. 24 (1987) 355). It stays positive
+ * semidefinite for any R, as A^-1 less its part in the range of R. A cycle in place of A^-1 differs
+ * from it by little in motions as smooth as these, less than what the modes of ranks add.
+ */
+#ifndef MS_COARSE_OVERLAP_H
+#define MS_COARSE_OVERLAP_H
+
+#include "linear/coarse.h"
+
+struct ms_coarse_overlap {
+  double (*motions)[MS_MODES]; /* 4 aggregates.n: R, of each mode; alike in each component */
+  int32_t nlinks;
+  int32_t (*links)[3]; /* pairs of aggregates that springs connect, and their blocks in `value` */
+  ms_block_cholesky chol; /* of R^T A R, one block */
+  int is_factored;
+};
+
+/* graph: the aggregates that springs connect with each one */
+msim_status ms_coarse_overlap_create(const ms_coarse *coarse, const ms_sparse_graph *graph,
+                                     struct ms_coarse_overlap **overlap, msim_error *err);
+void ms_coarse_overlap_destroy(const msim_allocator *alloc, struct ms_coarse_overlap *overlap);
+
+/* Factor R^T A R, A in coarse->value. */
+void ms_coarse_overlap_factor(const ms_coarse *coarse);
+
+/* coarse->z -= R (R^T A R)^-1 R^T coarse->r */
+void ms_coarse_overlap_subtract(const ms_coarse *coarse);
+
+#endif
