@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "base/simd.h"
 #include "scene/section.h"
 
 /*------------------------------------- creation -------------------------------------------------*/
@@ -123,38 +124,52 @@ void ms_halo_destroy(const ms_scene *scene, ms_halo *h) {
 
 /*------------------------------------- refresh --------------------------------------------------*/
 
-/* Component by component; returns the place after them. */
-static double *pack(const ms_halo *h, int32_t k, int32_t components, int32_t stride,
-                    const double *vec, double *to) {
+/* Numbers of `size` bytes, a constant where this is inlined. Component by component; returns the
+ * place after them. */
+MS_INLINE char *pack(size_t size, const ms_halo *h, int32_t k, int32_t components, int32_t stride,
+                     const void *vec, char *to) {
   for (int32_t c = 0; c < components && vec; c++)
-    for (int32_t i = h->first_out[k]; i < h->first_out[k + 1]; i++)
-      *to++ = vec[(size_t)c * (size_t)stride + (size_t)h->out[i]];
+    for (int32_t i = h->first_out[k]; i < h->first_out[k + 1]; i++, to += size) {
+      const size_t at = (size_t)c * (size_t)stride + (size_t)h->out[i];
+      memcpy(to, (const char *)vec + size * at, size);
+    }
   return to;
 }
 
-static const double *unpack(const ms_halo *h, int32_t k, int32_t components, int32_t stride,
-                            const double *from, double *vec) {
-  const size_t n = (size_t)(h->first_in[k + 1] - h->first_in[k]);
+static const char *unpack(size_t size, const ms_halo *h, int32_t k, int32_t components,
+                          int32_t stride, const char *from, void *vec) {
+  const size_t bytes = size * (size_t)(h->first_in[k + 1] - h->first_in[k]);
   const size_t row = (size_t)(h->first + h->first_in[k]);
-  for (int32_t c = 0; c < components && vec; c++, from += n)
-    memcpy(vec + (size_t)c * (size_t)stride + row, from, n * sizeof *vec);
+  for (int32_t c = 0; c < components && vec; c++, from += bytes)
+    memcpy((char *)vec + size * ((size_t)c * (size_t)stride + row), from, bytes);
   return from;
 }
 
-void ms_halo_refresh(ms_halo *h, int32_t components, int32_t stride, double *x, double *v) {
-  if (!h) return;
-  const int64_t width = (int64_t)sizeof(double) * components * (v ? 2 : 1);
-  double *to = h->send;
-  const double *from = h->receive;
+MS_INLINE void refresh(size_t size, ms_halo *h, int32_t components, int32_t stride, void *x,
+                       void *v) {
+  const int64_t width = (int64_t)size * components * (v ? 2 : 1);
+  char *to = (char *)h->send;
+  const char *from = (char *)h->receive;
   for (int32_t k = 0; k < h->n; k++) {
     msim_comm_message *m = &h->messages[k];
-    m->send = to, m->receive = h->receive + width / 8 * h->first_in[k];
-    to = pack(h, k, components, stride, v, pack(h, k, components, stride, x, to));
+    m->send = to, m->receive = (char *)h->receive + width * h->first_in[k];
+    to = pack(size, h, k, components, stride, x, to);
+    to = pack(size, h, k, components, stride, v, to);
     m->send_bytes = width * (h->first_out[k + 1] - h->first_out[k]);
     m->receive_bytes = width * (h->first_in[k + 1] - h->first_in[k]);
     h->bytes += m->send_bytes;
   }
   ms_ranks_exchange(h->ranks, h->n, h->messages);
-  for (int32_t k = 0; k < h->n; k++)
-    from = unpack(h, k, components, stride, unpack(h, k, components, stride, from, x), v);
+  for (int32_t k = 0; k < h->n; k++) {
+    from = unpack(size, h, k, components, stride, from, x);
+    from = unpack(size, h, k, components, stride, from, v);
+  }
+}
+
+void ms_halo_refresh(ms_halo *h, int32_t components, int32_t stride, double *x, double *v) {
+  if (h) refresh(sizeof *x, h, components, stride, x, v);
+}
+
+void ms_halo_refresh_floats(ms_halo *h, int32_t components, int32_t stride, float *x) {
+  if (h) refresh(sizeof *x, h, components, stride, x, NULL);
 }

@@ -27,4 +27,7 @@ void ms_halo_destroy(const ms_scene *scene, ms_halo *halo);
  * halo (one process), v. */
 void ms_halo_refresh(ms_halo *halo, int32_t components, int32_t stride, double *x, double *v);
 
+/* The same for a vector of floats */
+void ms_halo_refresh_floats(ms_halo *halo, int32_t components, int32_t stride, float *x);
+
 #endif

@@ -83,12 +83,12 @@ static void advance_chunk(void *data, int32_t begin, int32_t end) {
 }
 
 /* The share of p.q of angular springs that count on another rank */
-static double sum_foreign_angles(const ms_pcg *s) {
+static double sum_foreign_angles(const ms_pcg *s, ms_operands pq) {
   const ms_linear_system *system = s->base.system;
   const struct ms_rank_model *shared = system->model->rank_model;
   double sum = 0;
   for (int32_t k = 0; shared && k < shared->nangles; k++)
-    sum += ms_angle_springs_product_of(system->model, &system->a, shared->angle[k], s->p);
+    sum += ms_angle_springs_product_of(system->model, &system->a, shared->angle[k], pq);
   return sum;
 }
 
@@ -96,14 +96,15 @@ static double sum_foreign_angles(const ms_pcg *s) {
 static double pcg_apply(ms_pcg *s) {
   double sum;
   const ms_operands pq = {s->p, s->q, s->single};
-  if (!s->single) ms_rank_model_refresh(s->base.system->model, s->p, NULL);
+  if (s->single) ms_rank_model_refresh_floats(s->base.system->model, s->p);
+  else ms_rank_model_refresh(s->base.system->model, s->p, NULL);
   const int32_t n = pcg_run(pcg_apply_chunk, &(pcg_sweep){.s = s});
   s->kernels->apply_split_rows(s, &sum);
   for (int32_t k = 0; k < n; k++) sum += s->sums[k];
   const ms_linear_system *system = s->base.system;
   const double by = 1 / s->jacobi.scale;
   sum += ms_angle_springs_apply(system->model, &system->a, by, pq);
-  sum -= by * sum_foreign_angles(s);
+  sum -= by * sum_foreign_angles(s, pq);
   if (system->a.own) sum += ms_particle_blocks_apply(system->model, system->a.own, 1, by, pq);
   sum += ms_coefficients_apply_constraints(system->model, &system->a, 1, by, pq);
   ms_ranks_sum(system->model->shape.ranks, 1, &sum);
@@ -123,8 +124,9 @@ static double pcg_reduce(ms_pcg *s, double alpha) {
  * product[0], over all ranks. */
 static double pcg_solve_coarse(ms_pcg *s, double product[2]) {
   product[1] = s->coarse_is_ready ? ms_coarse_solve(&s->coarse) : 0;
+  const ms_operands rz = {s->r, s->z, s->single};
   double modes = 0;
-  if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, s->r, s->z);
+  if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, rz);
   else ms_ranks_sum(s->base.system->model->shape.ranks, 2, product);
   return product[0] + (product[1] + modes);
 }
@@ -212,13 +214,27 @@ static msim_status factor_own(ms_pcg *s, int32_t kind) {
   return status;
 }
 
+/* Rounding p to floats changes A p by some u times the largest entry of A. That may not exceed a
+ * quarter of the share of inertia, which is all that resists the motions of free bodies: they would
+ * come back, and cost more iterations than floats save time, 1.2 times as many at this limit. */
+static int may_round_vectors(const ms_pcg *s) {
+  const double U = FLT_EPSILON / 2;
+  const ms_model *model = s->base.system->model;
+  double least = INFINITY;
+  if (!s->coarse_is_ready) return 0;
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) least = fmin(least, model->mass[r]);
+  return 4 * U * s->jacobi.scale <= least;
+}
+
 static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)err;
   ms_pcg *s = (ms_pcg *)base;
   msim_status status = factor_own(s, kind);
-  if (!s->modes) return status;
-  ms_agreement bits = {.any = base->aggregates > 0}; /* a coarse space is worthwhile on a rank */
+  /* any: a coarse space is worthwhile on a rank */
+  ms_agreement bits = {.all = may_round_vectors(s) ? 1u : 0u, .any = base->aggregates > 0};
   status = ms_ranks_agree_on(base->system->model->shape.ranks, status, &bits, NULL);
+  s->rounds_vectors = bits.all > 0;
+  if (!s->modes) return status;
   s->modes->is_ready = 0;
   if (!status && bits.any) ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale);
   s->coarse.leaves_overlap = s->coarse_is_ready && s->modes->is_ready;
@@ -258,18 +274,6 @@ static msim_status pcg_iterate(ms_pcg *s, const double *b, double goal, int64_t 
   }
 }
 
-/* Rounding p to floats changes A p by some u times the largest entry of A. That may not exceed a
- * quarter of the share of inertia, which is all that resists the motions of free bodies: they would
- * come back, and cost more iterations than floats save time, 1.2 times as many at this limit. */
-static int may_round_vectors(const ms_pcg *s) {
-  const double U = FLT_EPSILON / 2;
-  const ms_model *model = s->base.system->model;
-  double least = INFINITY;
-  if (!s->coarse_is_ready || model->rank_model) return 0;
-  for (int32_t r = 0; r < model->unknowns.nfree; r++) least = fmin(least, model->mass[r]);
-  return 4 * U * s->jacobi.scale <= least;
-}
-
 /* A power of 2 near a norm of b. Powers of it are exact. */
 static double find_unit(const ms_pcg *s, double size) {
   int exponent = 0;
@@ -294,7 +298,7 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
   int64_t count = 0;
   msim_status status = MSIM_OK;
   const ms_model *model = base->system->model;
-  place_vectors(s, model->single || may_round_vectors(s));
+  place_vectors(s, model->single || s->rounds_vectors);
   s->y = y;
   s->rho = 0, s->unit = find_unit(s, target->size);
   base->residual = target->size;

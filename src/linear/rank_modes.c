@@ -218,10 +218,10 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
 /*------------------------------------- solving --------------------------------------------------*/
 
 /* message = products and Q^T r */
-static void restrict_residual(ms_rank_modes *q, const double product[2], const double *r) {
+static void restrict_residual(ms_rank_modes *q, const double product[2], ms_operands rz) {
   const size_t dims = (size_t)q->model->unknowns.dims, modes = 1 + dims;
   double sums[3][MS_RANK_WEIGHTS];
-  kernels_of(q)->restrict_to(q, r, sums);
+  kernels_of(q)->restrict_to(q, rz, sums);
   memset(q->message, 0, (size_t)(q->chol.block + PRODUCTS) * sizeof *q->message);
   memcpy(q->message, product, PRODUCTS * sizeof *product);
   for (size_t c = 0; c < dims; c++)
@@ -229,11 +229,11 @@ static void restrict_residual(ms_rank_modes *q, const double product[2], const d
 }
 
 /* solution: at the modes of this rank */
-static void add_correction(const ms_rank_modes *q, const double *solution, double *z) {
+static void add_correction(const ms_rank_modes *q, const double *solution, ms_operands rz) {
   const size_t dims = (size_t)q->model->unknowns.dims, modes = 1 + dims;
   double by[3][MS_RANK_WEIGHTS] = {{0}};
   for (size_t c = 0; c < dims; c++) memcpy(by[c], solution + modes * c, modes * sizeof **by);
-  kernels_of(q)->correct(q, by, z);
+  kernels_of(q)->correct(q, by, rz);
 }
 
 /* z = b and the sums of both products, of all ranks */
@@ -272,15 +272,15 @@ static double multiply_by_inverse(const ms_rank_modes *q, double *solution) {
   return sum;
 }
 
-double ms_rank_modes_solve(ms_rank_modes *q, double product[2], const double *r, double *z) {
+double ms_rank_modes_solve(ms_rank_modes *q, double product[2], ms_operands rz) {
   ms_ranks *ranks = q->model->shape.ranks;
   double solution[MS_BLOCK_CHOLESKY_MAX_BLOCK];
-  restrict_residual(q, product, r);
+  restrict_residual(q, product, rz);
   ms_ranks_gather(ranks, (int64_t)((size_t)(PRODUCTS + q->chol.block) * sizeof *q->message),
                   q->message, q->messages);
   if (ranks->failed) return product[0] = product[1] = NAN;
   take_messages(q, product);
   const double sum = q->inverse ? multiply_by_inverse(q, solution) : solve_by_factor(q, solution);
-  add_correction(q, solution, z);
+  add_correction(q, solution, rz);
   return sum;
 }

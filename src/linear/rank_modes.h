@@ -42,6 +42,6 @@ void ms_rank_modes_factor(ms_rank_modes *modes, const ms_coefficients *a, double
 
 /* z += Q (Q^T A Q)^-1 Q^T r on the unknowns of this rank. Returns r.(what is added), and in
  * product[] the sums of both numbers, over all ranks; one gather. */
-double ms_rank_modes_solve(ms_rank_modes *modes, double product[2], const double *r, double *z);
+double ms_rank_modes_solve(ms_rank_modes *modes, double product[2], ms_operands rz);
 
 #endif

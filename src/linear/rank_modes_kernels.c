@@ -83,21 +83,30 @@ static void add_rows(ms_rank_modes *q, const ms_coefficients *a, double by) {
 
 /*------------------------------------- vectors --------------------------------------------------*/
 
-/* In planar scenes the last component is summed twice. */
-static void restrict_to(const ms_rank_modes *q, const double *r, double sums[3][MS_RANK_WEIGHTS]) {
+/* In planar scenes the last component is summed twice. rz.single is a constant where this is
+ * inlined. */
+MS_INLINE void restrict_vector(const ms_rank_modes *q, ms_operands rz,
+                               double sums[3][MS_RANK_WEIGHTS]) {
   const ms_unknowns *rows = &q->model->unknowns;
-  const size_t stride = (size_t)rows->stride;
-  const double *second = r + stride, *last = r + (size_t)(rows->dims - 1) * stride;
+  const size_t second = (size_t)rows->stride, last = (size_t)(rows->dims - 1) * second;
   ms_quad sum[3] = {{0}};
   for (size_t i = 0; i < (size_t)rows->nfree; i++) {
     const ms_quad w = weights_of(q, i);
-    sum[0] += w * r[i], sum[1] += w * second[i], sum[2] += w * last[i];
+    sum[0] += w * ms_operands_get(&rz, i);
+    sum[1] += w * ms_operands_get(&rz, second + i);
+    sum[2] += w * ms_operands_get(&rz, last + i);
   }
   for (int c = 0; c < 3; c++) ms_simd_store_quad(sums[c], sum[c]);
 }
 
+static void restrict_to(const ms_rank_modes *q, ms_operands rz, double sums[3][MS_RANK_WEIGHTS]) {
+  if (rz.single) restrict_vector(q, (ms_operands){rz.x, NULL, 1}, sums);
+  else restrict_vector(q, (ms_operands){rz.x, NULL, 0}, sums);
+}
+
 /* Lanes are components. */
-static void correct(const ms_rank_modes *q, double by[3][MS_RANK_WEIGHTS], double *z) {
+MS_INLINE void correct_vector(const ms_rank_modes *q, double by[3][MS_RANK_WEIGHTS],
+                              ms_operands rz) {
   const ms_unknowns *rows = &q->model->unknowns;
   const size_t stride = (size_t)rows->stride;
   ms_quad column[MS_RANK_WEIGHTS];
@@ -106,9 +115,14 @@ static void correct(const ms_rank_modes *q, double by[3][MS_RANK_WEIGHTS], doubl
     const double *w = q->weight + MS_RANK_WEIGHTS * i;
     const ms_quad sum =
         (w[0] * column[0] + w[1] * column[1]) + (w[2] * column[2] + w[3] * column[3]);
-    z[i] += sum[0], z[stride + i] += sum[1];
-    if (rows->dims == 3) z[2 * stride + i] += sum[2];
+    ms_operands_add(&rz, i, sum[0]), ms_operands_add(&rz, stride + i, sum[1]);
+    if (rows->dims == 3) ms_operands_add(&rz, 2 * stride + i, sum[2]);
   }
+}
+
+static void correct(const ms_rank_modes *q, double by[3][MS_RANK_WEIGHTS], ms_operands rz) {
+  if (rz.single) correct_vector(q, by, (ms_operands){NULL, rz.y, 1});
+  else correct_vector(q, by, (ms_operands){NULL, rz.y, 0});
 }
 
 const ms_rank_modes_kernels MS_TABLE(ms_rank_modes_kernels) = {add_rows, restrict_to, correct};

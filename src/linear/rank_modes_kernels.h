@@ -11,9 +11,9 @@ typedef struct ms_rank_modes_kernels {
   /* own blocks += the part of Q^T (by A) Q of springs, masses, drag and force functions */
   void (*add_rows)(ms_rank_modes *modes, const ms_coefficients *a, double by);
   /* sums[c][k] = the sum of weight k times component c of r */
-  void (*restrict_to)(const ms_rank_modes *modes, const double *r, double sums[3][MS_RANK_WEIGHTS]);
+  void (*restrict_to)(const ms_rank_modes *modes, ms_operands rz, double sums[3][MS_RANK_WEIGHTS]);
   /* Component c of z += the sum over k of weight k times by[c][k] */
-  void (*correct)(const ms_rank_modes *modes, double by[3][MS_RANK_WEIGHTS], double *z);
+  void (*correct)(const ms_rank_modes *modes, double by[3][MS_RANK_WEIGHTS], ms_operands rz);
 } ms_rank_modes_kernels;
 
 /* Own blocks += (weights of row i) block (weights of row j), by columns */

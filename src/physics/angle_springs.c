@@ -246,10 +246,16 @@ static void multiply_elements(void *data, int32_t begin, int32_t end) {
 }
 
 double ms_angle_springs_product_of(const ms_model *model, const ms_coefficients *a, int32_t e,
-                                   const double *x) {
-  double element[MS_ANGLE_ELEMENT], p[3], q[3], yp[3], yq[3];
+                                   ms_operands o) {
+  const size_t stride = (size_t)model->unknowns.stride;
+  const int32_t *row = model->angles.row + 3 * (size_t)e;
+  double element[MS_ANGLE_ELEMENT], p[3] = {0}, q[3] = {0}, yp[3], yq[3];
   ms_angle_springs_get_element(a, e, element);
-  load_edges(model, e, x, p, q);
+  for (size_t c = 0; c < (size_t)model->unknowns.dims; c++) {
+    const double j = ms_operands_get(&o, c * stride + (size_t)row[1]);
+    p[c] = ms_operands_get(&o, c * stride + (size_t)row[0]) - j;
+    q[c] = ms_operands_get(&o, c * stride + (size_t)row[2]) - j;
+  }
   ms_angle_multiply(element, p, q, yp, yq);
   return ms_vec3_dot(p, yp) + ms_vec3_dot(q, yq);
 }

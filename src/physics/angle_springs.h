@@ -48,7 +48,7 @@ void ms_angle_springs_add_matrix(const ms_model *model, double h, int clamp, ms_
 
 /* x.K x for the element of one of them */
 double ms_angle_springs_product_of(const ms_model *model, const ms_coefficients *a, int32_t e,
-                                   const double *x);
+                                   ms_operands o);
 
 /* y += by K x on the unknowns, K the sum of their elements; past them x must be 0. It acts on
  * differences, as that of springs does. Returns by x.K x. */

@@ -29,6 +29,13 @@ static inline void ms_rank_model_refresh(const ms_model *model, const double *x,
                     (double *)(uintptr_t)x, (double *)(uintptr_t)v);
 }
 
+/* The same for a vector of floats */
+static inline void ms_rank_model_refresh_floats(const ms_model *model, float *x) {
+  if (model->rank_model)
+    ms_halo_refresh_floats(model->rank_model->halo, model->unknowns.dims, model->unknowns.stride,
+                           x);
+}
+
 /* The same for a vector of so many components */
 static inline void ms_rank_model_refresh_components(const ms_model *model, int32_t components,
                                                     const double *x) {
