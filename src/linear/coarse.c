@@ -234,6 +234,7 @@ double ms_coarse_solve(ms_coarse *coarse) {
     memcpy(coarse->z, coarse->r, (size_t)n * sizeof *coarse->z);
     ms_block_cholesky_solve(&coarse->chol, coarse->z);
   }
+  if (coarse->overlap) ms_coarse_overlap_restrict(coarse);
   if (coarse->leaves_overlap) ms_coarse_overlap_subtract(coarse);
   double sum = 0;
   for (int32_t i = 0; i < n; i++) sum += coarse->r[i] * coarse->z[i];

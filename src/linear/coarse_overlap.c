@@ -37,21 +37,32 @@ msim_status ms_coarse_overlap_create(const ms_coarse *coarse, const ms_sparse_gr
                                      struct ms_coarse_overlap **overlap, msim_error *err) {
   static const char WHAT[] = "the affine motions of the rank";
   const msim_allocator *alloc = &coarse->model->scene->alloc;
+  const size_t n = MS_MODES * (size_t)coarse->model->unknowns.dims;
   const ms_sparse_graph one = {.n = 1, .ptr = (int32_t[]){0, 0}};
   struct ms_coarse_overlap *q = *overlap = ms_memory_allocate(alloc, 1, sizeof *q);
   if (!q || !MS_NEW(alloc, q->motions, MS_MODES * (size_t)graph->n) ||
-      !MS_NEW(alloc, q->links, graph->ptr[graph->n]))
+      !MS_NEW(alloc, q->links, graph->ptr[graph->n]) || !MS_NEW(alloc, q->matrix, n * n) ||
+      !MS_NEW(alloc, q->b, n))
     return ms_error_set_memory(err, WHAT);
   find_motions(coarse, q);
   list_links(coarse, graph, q);
-  return ms_block_cholesky_create(alloc, &one, MS_MODES * coarse->model->unknowns.dims,
-                                  coarse->model->isa, &q->chol, err);
+  return ms_block_cholesky_create(alloc, &one, (int32_t)n, coarse->model->isa, &q->chol, err);
 }
 
 void ms_coarse_overlap_destroy(const msim_allocator *alloc, struct ms_coarse_overlap *q) {
   if (!q) return;
   ms_block_cholesky_destroy(alloc, &q->chol);
-  MS_FREE(alloc, q->motions, q->links, q);
+  MS_FREE(alloc, q->motions, q->links, q->matrix, q->b, q);
+}
+
+void ms_coarse_overlap_weights(const ms_coarse *coarse, int32_t row, double weight[MS_MODES]) {
+  const int32_t of = coarse->aggregates.of[row];
+  for (int k = 0; k < MS_MODES; k++) {
+    weight[k] = 0;
+    for (int m = 0; m < MS_MODES && of >= 0; m++)
+      weight[k] += (double)coarse->aggregates.weight[MS_MODES * row + m] *
+                   coarse->overlap->motions[MS_MODES * of + m][k];
+  }
 }
 
 /*------------------------------------- the matrix -----------------------------------------------*/
@@ -81,7 +92,7 @@ void ms_coarse_overlap_factor(const ms_coarse *coarse) {
   enum { MOST = MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK };
   struct ms_coarse_overlap *q = coarse->overlap;
   const size_t n = (size_t)q->chol.block, area = n * n;
-  double links[MOST] = {0}, block[MOST], *sum = q->chol.value;
+  double links[MOST] = {0}, block[MOST], *sum = q->matrix;
   memset(sum, 0, area * sizeof *sum);
   for (int32_t k = 0; k < coarse->aggregates.n; k++) {
     mirror(n, coarse->value + area * (size_t)coarse->diagonal[k], block);
@@ -96,23 +107,41 @@ void ms_coarse_overlap_factor(const ms_coarse *coarse) {
     for (size_t i = 0; i < n; i++) sum[n * j + i] += links[n * j + i] + links[n * i + j];
   for (size_t i = 0; i < n; i++)
     if (sum[n * i + i] == 0) sum[n * i + i] = 1;
+  memcpy(q->chol.value, sum, area * sizeof *sum);
   q->is_factored = !ms_block_cholesky_factor(&q->chol);
 }
 
 /*------------------------------------- solution -------------------------------------------------*/
 
+void ms_coarse_overlap_restrict(const ms_coarse *coarse) {
+  const struct ms_coarse_overlap *q = coarse->overlap;
+  const int32_t dims = coarse->model->unknowns.dims;
+  const double *r = coarse->r;
+  memset(q->b, 0, (size_t)q->chol.block * sizeof *q->b);
+  for (int32_t g = 0; g < coarse->aggregates.n; g++)
+    for (int32_t c = 0; c < dims; c++)
+      for (int32_t m = 0; m < MS_MODES; m++, r++)
+        for (int32_t k = 0; k < MS_MODES; k++)
+          q->b[MS_MODES * c + k] += q->motions[MS_MODES * g + m][k] * *r;
+}
+
+void ms_coarse_overlap_add(const ms_coarse *coarse, const double *by) {
+  const struct ms_coarse_overlap *q = coarse->overlap;
+  const int32_t dims = coarse->model->unknowns.dims;
+  double *z = coarse->z;
+  for (int32_t g = 0; g < coarse->aggregates.n; g++)
+    for (int32_t c = 0; c < dims; c++)
+      for (int32_t m = 0; m < MS_MODES; m++, z++)
+        for (int32_t k = 0; k < MS_MODES; k++)
+          *z += q->motions[MS_MODES * g + m][k] * by[MS_MODES * c + k];
+}
+
 void ms_coarse_overlap_subtract(const ms_coarse *coarse) {
   const struct ms_coarse_overlap *q = coarse->overlap;
-  const size_t n = (size_t)q->chol.block, dims = n / MS_MODES;
-  double b[MS_BLOCK_CHOLESKY_MAX_BLOCK] = {0};
+  double c[MS_BLOCK_CHOLESKY_MAX_BLOCK];
   if (!q->is_factored) return;
-  for (size_t i = 0; i < dims * MS_MODES * (size_t)coarse->aggregates.n; i++) {
-    const size_t c = i % n / MS_MODES, mode = i / n * MS_MODES + i % MS_MODES;
-    for (size_t k = 0; k < MS_MODES; k++) b[MS_MODES * c + k] += q->motions[mode][k] * coarse->r[i];
-  }
-  ms_block_cholesky_solve(&q->chol, b);
-  for (size_t i = 0; i < dims * MS_MODES * (size_t)coarse->aggregates.n; i++) {
-    const size_t c = i % n / MS_MODES, mode = i / n * MS_MODES + i % MS_MODES;
-    for (size_t k = 0; k < MS_MODES; k++) coarse->z[i] -= q->motions[mode][k] * b[MS_MODES * c + k];
-  }
+  memcpy(c, q->b, (size_t)q->chol.block * sizeof *c);
+  ms_block_cholesky_solve(&q->chol, c);
+  for (int32_t i = 0; i < q->chol.block; i++) c[i] = -c[i];
+  ms_coarse_overlap_add(coarse, c);
 }

@@ -18,8 +18,10 @@ struct ms_coarse_overlap {
   double (*motions)[MS_MODES]; /* 4 aggregates.n: R, of each mode; alike in each component */
   int32_t nlinks;
   int32_t (*links)[3]; /* pairs of aggregates that springs connect, and their blocks in `value` */
-  ms_block_cholesky chol; /* of R^T A R, one block */
+  double *matrix;      /* R^T A R, by columns */
+  ms_block_cholesky chol; /* its factor, one block */
   int is_factored;
+  double *b; /* R^T r, by component */
 };
 
 /* graph: the aggregates that springs connect with each one */
@@ -27,10 +29,19 @@ msim_status ms_coarse_overlap_create(const ms_coarse *coarse, const ms_sparse_gr
                                      struct ms_coarse_overlap **overlap, msim_error *err);
 void ms_coarse_overlap_destroy(const msim_allocator *alloc, struct ms_coarse_overlap *overlap);
 
+/* P R at an unknown: what its motion has of each; 0 if it belongs to no aggregate */
+void ms_coarse_overlap_weights(const ms_coarse *coarse, int32_t row, double weight[MS_MODES]);
+
 /* Factor R^T A R, A in coarse->value. */
 void ms_coarse_overlap_factor(const ms_coarse *coarse);
 
-/* coarse->z -= R (R^T A R)^-1 R^T coarse->r */
+/* b = R^T coarse->r */
+void ms_coarse_overlap_restrict(const ms_coarse *coarse);
+
+/* coarse->z -= R (R^T A R)^-1 b */
 void ms_coarse_overlap_subtract(const ms_coarse *coarse);
+
+/* coarse->z += R c */
+void ms_coarse_overlap_add(const ms_coarse *coarse, const double *c);
 
 #endif

@@ -6,6 +6,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "linear/coarse_overlap.h"
 #include "linear/residual.h"
 #include "physics/angle_springs.h"
 #include "physics/particle_blocks.h"
@@ -119,14 +120,15 @@ static double pcg_reduce(ms_pcg *s, double alpha) {
   return sum;
 }
 
-/* The coarse correction of r, to coarse.z, and that of the modes of ranks, to z; each rank has a
- * coarse space of its own unknowns. product[0]: r.D^-1 r of this rank. Returns r.B r, and
- * product[0], over all ranks. */
+/* The coarse correction of r, to coarse.z, with that of the modes of ranks, which goes to z where
+ * this rank has no coarse space. product[0]: r.D^-1 r of this rank. Returns r.B r, and product[0],
+ * over all ranks. */
 static double pcg_solve_coarse(ms_pcg *s, double product[2]) {
   product[1] = s->coarse_is_ready ? ms_coarse_solve(&s->coarse) : 0;
   const ms_operands rz = {s->r, s->z, s->single};
+  const ms_coarse *coarse = s->coarse_is_ready ? &s->coarse : NULL;
   double modes = 0;
-  if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, rz);
+  if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, coarse, rz);
   else ms_ranks_sum(s->base.system->model->shape.ranks, 2, product);
   return product[0] + (product[1] + modes);
 }
@@ -226,6 +228,15 @@ static int may_round_vectors(const ms_pcg *s) {
   return 4 * U * s->jacobi.scale <= least;
 }
 
+/* The block of this rank in the matrix of the modes of ranks is known where the coarse matrix is of
+ * this very matrix, and rounding, which it shares with no other rank, is harmless. */
+static const double *find_own_block(const ms_pcg *s) {
+  const ms_coarse *coarse = &s->coarse;
+  const int is_this = s->coarse_is_ready && s->coarse_age == 0 && !coarse->drops_negative_t &&
+                      coarse->nconstrained == 0 && !coarse->is_constrained_more;
+  return is_this && may_round_vectors(s) ? coarse->overlap->matrix : NULL;
+}
+
 static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)err;
   ms_pcg *s = (ms_pcg *)base;
@@ -236,7 +247,8 @@ static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   s->rounds_vectors = bits.all > 0;
   if (!s->modes) return status;
   s->modes->is_ready = 0;
-  if (!status && bits.any) ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale);
+  if (!status && bits.any)
+    ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale, find_own_block(s));
   s->coarse.leaves_overlap = s->coarse_is_ready && s->modes->is_ready;
   return status;
 }
@@ -402,7 +414,8 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
 }
 
 static msim_status pcg_connect(ms_linear *base, msim_error *err) {
-  return ms_rank_modes_create(base->system->model, &((ms_pcg *)base)->modes, err);
+  ms_pcg *s = (ms_pcg *)base;
+  return ms_rank_modes_create(&s->coarse, base->system->model, &s->modes, err);
 }
 
 /* The vectors of iterations, whose content factor() may overwrite. They lie in the memory in which

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "linear/coarse_overlap.h"
+#include "linear/modes.h"
 #include "linear/rank_modes_kernels.h"
 #include "physics/angle_springs.h"
 #include "physics/rank_model.h"
@@ -17,54 +19,58 @@ static const ms_rank_modes_kernels *kernels_of(const ms_rank_modes *q) {
 
 /*------------------------------------- creation -------------------------------------------------*/
 
-/* What ranks tell each other: the box of their unknowns in the scene, and the number of ranks that
- * springs join with them */
-typedef struct frame {
-  double low[3], high[3];
-  int64_t nneighbours;
-} frame;
-
-static frame measure_frame(const ms_model *model) {
-  const ms_unknowns *rows = &model->unknowns;
-  frame f = {{INFINITY, INFINITY, INFINITY},
-             {-INFINITY, -INFINITY, -INFINITY},
-             model->rank_model->halo->n};
-  for (int32_t r = 0; r < rows->nfree; r++)
-    for (size_t c = 0; c < 3; c++) {
-      const double x = model->scene->x[3 * (size_t)rows->particle[r] + c];
-      f.low[c] = fmin(f.low[c], x), f.high[c] = fmax(f.high[c], x);
-    }
-  return f;
+/* The weights of own unknowns: affine functions in terms of coarse modes, or where there are none,
+ * these functions themselves; orthonormal. Unknowns that belong to no aggregate have 0. */
+static void set_own_weights(ms_rank_modes *q, const ms_coarse *coarse) {
+  const int32_t n = q->model->unknowns.nfree;
+  double(*w)[MS_MODES] = q->weight;
+  if (coarse->overlap) {
+    for (int32_t r = 0; r < n; r++) ms_coarse_overlap_weights(coarse, r, w[r]);
+    return;
+  }
+  for (int32_t r = 0; r < n; r++) ms_modes_affine_functions(q->model, r, w[r]);
+  const int known = n > 0 ? ms_modes_orthonormalise_coordinates(n, w) : 0;
+  for (int32_t r = 0; r < n; r++)
+    for (int k = known; k < MS_MODES; k++) w[r][k] = 0;
 }
 
-static void set_weights(ms_rank_modes *q, const frame *frames) {
+/* Ghosts have the weights of their owners. vec: scratch, of 4 components; collective */
+static void share_weights(ms_rank_modes *q, double *vec) {
   const ms_unknowns *rows = &q->model->unknowns;
-  for (int32_t r = 0; r < rows->first_fixed; r++) {
-    const int32_t p = rows->particle[r];
-    if (p < 0) continue;
-    const frame *f = &frames[q->rank[r] = q->model->rank_model->part->owner[p]];
-    double extent = 0;
-    for (int c = 0; c < 3; c++) extent = fmax(extent, f->high[c] - f->low[c]);
-    q->weight[MS_RANK_WEIGHTS * (size_t)r] = 1;
-    for (int32_t c = 0; c < rows->dims && extent > 0; c++) {
-      const int32_t axis = rows->axis[c];
-      const double x = q->model->scene->x[3 * (size_t)p + (size_t)axis];
-      q->weight[MS_RANK_WEIGHTS * (size_t)r + (size_t)c + 1] =
-          (2 * x - f->low[axis] - f->high[axis]) / extent;
-    }
+  for (int32_t r = 0; r < rows->nfree; r++)
+    for (int k = 0; k < MS_MODES; k++) vec[k * rows->stride + r] = q->weight[r][k];
+  ms_rank_model_refresh_components(q->model, MS_MODES, vec);
+  for (int32_t r = rows->first_pinned; r < rows->first_fixed; r++) {
+    q->rank[r] = q->model->rank_model->part->owner[rows->particle[r]];
+    for (int k = 0; k < MS_MODES; k++) q->weight[r][k] = vec[k * rows->stride + r];
+  }
+}
+
+/* The unknowns that springs join with ghosts */
+static void list_border(ms_rank_modes *q) {
+  const ms_model *model = q->model;
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
+    const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, r);
+    int joins = 0;
+    q->rank[r] = model->shape.ranks->rank;
+    for (int32_t at = span.begin; at < span.end && !joins; at += span.step)
+      joins = model->half_edges.spring[at] >= 0 &&
+              model->half_edges.neighbour[at] >= model->unknowns.first_pinned &&
+              model->half_edges.neighbour[at] < model->unknowns.first_fixed;
+    if (joins) q->border[q->nborder++] = r;
   }
 }
 
 /*------------------------------------- pattern --------------------------------------------------*/
 
 /* Room for the list of neighbours of each rank */
-static int create_graph(const ms_rank_modes *q, const frame *frames, ms_sparse_graph *graph) {
+static int create_graph(const ms_rank_modes *q, const int64_t *count, ms_sparse_graph *graph) {
   const msim_allocator *alloc = &q->model->scene->alloc;
   const int32_t n = graph->n = q->model->shape.ranks->n;
   if (!MS_NEW(alloc, graph->ptr, (size_t)n + 1)) return 0;
   for (int32_t r = 0; r < n; r++) {
-    q->bytes[r] = frames[r].nneighbours * (int64_t)sizeof *graph->ind;
-    graph->ptr[r + 1] = graph->ptr[r] + (int32_t)frames[r].nneighbours;
+    q->bytes[r] = count[r] * (int64_t)sizeof *graph->ind;
+    graph->ptr[r + 1] = graph->ptr[r] + (int32_t)count[r];
   }
   return MS_NEW(alloc, graph->ind, graph->ptr[n]) != NULL;
 }
@@ -98,7 +104,7 @@ static void list_blocks(const ms_sparse_graph *graph, ms_rank_modes *q) {
 /* Each pair of neighbours has one block in the messages, and each rank one on the diagonal. */
 static int create_matrix(const ms_sparse_graph *graph, ms_rank_modes *q) {
   const msim_allocator *alloc = &q->model->scene->alloc;
-  const size_t block = q->model->unknowns.dims == 3 ? 12 : 8, n = (size_t)graph->n,
+  const size_t block = MS_MODES * (size_t)q->model->unknowns.dims, n = (size_t)graph->n,
                blocks = n + (size_t)graph->ptr[n] / 2,
                own = 1 + (size_t)q->model->rank_model->halo->n;
   const int fits =
@@ -112,52 +118,63 @@ static int create_matrix(const ms_sparse_graph *graph, ms_rank_modes *q) {
   return fits;
 }
 
-/* Room for what ranks tell each other */
-static int create_rows(ms_rank_modes *q, frame **frames, int32_t **own) {
+/* Scratch of creation: the number of ranks that springs join with each one, those of this rank, and
+ * a vector of 4 components */
+typedef struct workspace {
+  int64_t *count;
+  int32_t *own;
+  double *vec;
+} workspace;
+
+static int create_rows(ms_rank_modes *q, workspace *w) {
   const msim_allocator *alloc = &q->model->scene->alloc;
-  const size_t rows = (size_t)q->model->unknowns.first_fixed, n = (size_t)q->model->shape.ranks->n;
-  return MS_NEW(alloc, q->rank, rows) && MS_NEW(alloc, q->weight, MS_RANK_WEIGHTS * rows) &&
-         MS_NEW(alloc, q->bytes, n) && MS_NEW(alloc, *frames, n) &&
-         MS_NEW(alloc, *own, q->model->rank_model->halo->n);
+  const ms_halo *halo = q->model->rank_model->halo;
+  const size_t rows = (size_t)q->model->unknowns.first_fixed, n = (size_t)halo->ranks->n;
+  return MS_NEW(alloc, q->rank, rows) && MS_NEW(alloc, q->weight, rows) &&
+         MS_NEW(alloc, q->border, halo->first_out[halo->n]) && MS_NEW(alloc, q->bytes, n) &&
+         MS_NEW(alloc, w->count, n) && MS_NEW(alloc, w->own, halo->n) &&
+         MS_NEW(alloc, w->vec, MS_MODES * (size_t)q->model->unknowns.stride);
 }
 
-msim_status ms_rank_modes_create(const ms_model *model, ms_rank_modes **modes, msim_error *err) {
+msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model,
+                                 ms_rank_modes **modes, msim_error *err) {
   static const char WHAT[] = "the modes of the ranks";
   const msim_allocator *alloc = &model->scene->alloc;
   ms_ranks *ranks = model->shape.ranks;
   ms_sparse_graph graph = {0};
-  frame *frames = NULL;
-  int32_t *own = NULL;
+  workspace w = {0};
   ms_rank_modes *q = *modes = ms_memory_allocate(alloc, 1, sizeof *q);
   if (q) q->model = model;
-  msim_status status =
-      ms_ranks_agree_on_memory(ranks, q && create_rows(q, &frames, &own), WHAT, err);
+  msim_status status = ms_ranks_agree_on_memory(ranks, q && create_rows(q, &w), WHAT, err);
   if (!status) {
-    const frame f = measure_frame(model);
-    ms_ranks_gather(ranks, sizeof f, &f, frames);
-    status = ms_ranks_agree_on_memory(ranks, ranks->failed || create_graph(q, frames, &graph), WHAT,
-                                      err);
+    const int64_t nneighbours = model->rank_model->halo->n;
+    list_border(q);
+    set_own_weights(q, coarse);
+    share_weights(q, w.vec);
+    ms_ranks_gather(ranks, sizeof nneighbours, &nneighbours, w.count);
+    status = ms_ranks_agree_on_memory(ranks, ranks->failed || create_graph(q, w.count, &graph),
+                                      WHAT, err);
   }
   if (!status) {
-    set_weights(q, frames);
-    gather_graph(q, own, &graph);
+    gather_graph(q, w.own, &graph);
     status = ms_ranks_agree_on_memory(ranks, ranks->failed || create_matrix(&graph, q), WHAT, err);
   }
-  MS_FREE(alloc, graph.ptr, graph.ind, frames, own);
+  MS_FREE(alloc, graph.ptr, graph.ind, w.count, w.own, w.vec);
   return status;
 }
 
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *q) {
   if (!q) return;
   ms_block_cholesky_destroy(alloc, &q->chol);
-  MS_FREE(alloc, q->rank, q->weight, q->index, q->own, q->all, q->bytes, q->place, q->message,
-          q->messages, q->z, q->inverse, q);
+  MS_FREE(alloc, q->rank, q->weight, q->border, q->index, q->own, q->all, q->bytes, q->place,
+          q->message, q->messages, q->z, q->inverse, q);
 }
 
 /*------------------------------------- the matrix -----------------------------------------------*/
 
 /* Off-diagonal blocks of angular springs between corners, the first at an own unknown */
-static void add_angle(ms_rank_modes *q, const ms_coefficients *a, double by, int32_t e) {
+static void add_angle(ms_rank_modes *q, const ms_coefficients *a, double by, int with_own,
+                      int32_t e) {
   const int32_t *row = q->model->angles.row + 3 * (size_t)e;
   double block[3][3], element[MS_ANGLE_ELEMENT];
   ms_angle_springs_get_element(a, e, element);
@@ -165,6 +182,7 @@ static void add_angle(ms_rank_modes *q, const ms_coefficients *a, double by, int
     for (int32_t c = 0; c < 3; c++) {
       if (b == c || row[b] >= q->model->unknowns.nfree) continue;
       if (row[c] >= q->model->unknowns.first_fixed) continue;
+      if (!with_own && row[c] < q->model->unknowns.nfree) continue;
       ms_angle_block(element, b, c, block);
       for (int k = 0; k < 9; k++) block[k / 3][k % 3] *= by;
       ms_rank_modes_add_block(q, row[b], row[c], block);
@@ -195,12 +213,14 @@ static void compute_inverse(ms_rank_modes *q) {
   }
 }
 
-void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by) {
+void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by,
+                          const double *own) {
   ms_ranks *ranks = q->model->shape.ranks;
   const size_t area = (size_t)(q->chol.block * q->chol.block);
   memset(q->own, 0, (size_t)q->bytes[ranks->rank]);
-  kernels_of(q)->add_rows(q, a, by);
-  for (int32_t e = 0; e < q->model->angles.n; e++) add_angle(q, a, by, e);
+  if (own) memcpy(q->own + area * (size_t)q->index[ranks->rank], own, area * sizeof *own);
+  kernels_of(q)->add_rows(q, a, by, !own);
+  for (int32_t e = 0; e < q->model->angles.n; e++) add_angle(q, a, by, !own, e);
   ms_ranks_gather_parts(ranks, q->bytes, q->own, q->all);
   q->is_ready = 0;
   if (ranks->failed) return;
@@ -218,22 +238,12 @@ void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by)
 /*------------------------------------- solving --------------------------------------------------*/
 
 /* message = products and Q^T r */
-static void restrict_residual(ms_rank_modes *q, const double product[2], ms_operands rz) {
-  const size_t dims = (size_t)q->model->unknowns.dims, modes = 1 + dims;
-  double sums[3][MS_RANK_WEIGHTS];
-  kernels_of(q)->restrict_to(q, rz, sums);
-  memset(q->message, 0, (size_t)(q->chol.block + PRODUCTS) * sizeof *q->message);
+static void restrict_residual(ms_rank_modes *q, const double product[2], const ms_coarse *coarse,
+                              ms_operands rz) {
   memcpy(q->message, product, PRODUCTS * sizeof *product);
-  for (size_t c = 0; c < dims; c++)
-    memcpy(q->message + PRODUCTS + modes * c, sums[c], modes * sizeof **sums);
-}
-
-/* solution: at the modes of this rank */
-static void add_correction(const ms_rank_modes *q, const double *solution, ms_operands rz) {
-  const size_t dims = (size_t)q->model->unknowns.dims, modes = 1 + dims;
-  double by[3][MS_RANK_WEIGHTS] = {{0}};
-  for (size_t c = 0; c < dims; c++) memcpy(by[c], solution + modes * c, modes * sizeof **by);
-  kernels_of(q)->correct(q, by, rz);
+  if (coarse)
+    memcpy(q->message + PRODUCTS, coarse->overlap->b, (size_t)q->chol.block * sizeof *q->message);
+  else kernels_of(q)->restrict_to(q, rz, q->message + PRODUCTS);
 }
 
 /* z = b and the sums of both products, of all ranks */
@@ -272,15 +282,17 @@ static double multiply_by_inverse(const ms_rank_modes *q, double *solution) {
   return sum;
 }
 
-double ms_rank_modes_solve(ms_rank_modes *q, double product[2], ms_operands rz) {
+double ms_rank_modes_solve(ms_rank_modes *q, double product[2], const ms_coarse *coarse,
+                           ms_operands rz) {
   ms_ranks *ranks = q->model->shape.ranks;
   double solution[MS_BLOCK_CHOLESKY_MAX_BLOCK];
-  restrict_residual(q, product, rz);
+  restrict_residual(q, product, coarse, rz);
   ms_ranks_gather(ranks, (int64_t)((size_t)(PRODUCTS + q->chol.block) * sizeof *q->message),
                   q->message, q->messages);
   if (ranks->failed) return product[0] = product[1] = NAN;
   take_messages(q, product);
   const double sum = q->inverse ? multiply_by_inverse(q, solution) : solve_by_factor(q, solution);
-  add_correction(q, solution, rz);
+  if (coarse) ms_coarse_overlap_add(coarse, solution);
+  else kernels_of(q)->correct(q, solution, rz);
   return sum;
 }

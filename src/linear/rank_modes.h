@@ -1,7 +1,8 @@
 /* rank_modes - the top level of the preconditioner on several ranks: B += Q (Q^T A Q)^-1 Q^T
  *
- * Q has the affine motions of each rank's unknowns: for each component 1 and the coordinates in the
- * scene, less their mean, over half the extent of the rank: 12 modes a rank, 6 in planar scenes.
+ * Q has the affine motions of each rank: for each component 1 and the coordinates in the scene,
+ * orthonormal; in terms of the modes of the rank's coarse space where it has one, so that this
+ * level is a coarse space of coarse spaces (coarse_overlap.h): 12 modes a rank, 8 in planar scenes.
  * They carry corrections across ranks, which coarse spaces of single ranks do not. Q^T A Q has a
  * block row for each rank, with blocks where springs join two ranks. Every rank has all of its
  * factor. Up to MS_RANK_MODES_FACTOR ranks each solves with it; on more ranks each computes its own
@@ -10,8 +11,7 @@
 #ifndef MS_RANK_MODES_H
 #define MS_RANK_MODES_H
 
-#include "linear/block_cholesky.h"
-#include "physics/force.h"
+#include "linear/coarse.h"
 
 #ifndef MS_RANK_MODES_FACTOR /* tests make it small */
 #  define MS_RANK_MODES_FACTOR 256
@@ -19,9 +19,10 @@
 
 typedef struct ms_rank_modes {
   const ms_model *model;
-  int32_t *rank;          /* first_fixed: of each unknown and ghost */
-  double *weight;         /* 4 first_fixed: 1 and the coordinates of each; less where planar */
-  ms_block_cholesky chol; /* of Q^T A Q, blocks of 12, or 6 padded to 8 */
+  int32_t *rank;              /* first_fixed: of each unknown and ghost */
+  double (*weight)[MS_MODES]; /* first_fixed: the functions at each */
+  int32_t nborder, *border;   /* unknowns that springs join with ghosts */
+  ms_block_cholesky chol;     /* of Q^T A Q, blocks of 12 or 8 */
   int32_t *index;    /* nranks: of block (own rank, r) in `own`; MS_RANK_NO_BLOCK: r sends it */
   double *own, *all; /* blocks of this rank; those of all ranks, in their order */
   int64_t *bytes;    /* nranks: of the blocks of each */
@@ -34,14 +35,19 @@ typedef struct ms_rank_modes {
 
 /* Collective, with the same status on all ranks: each knows its own unknowns and ghosts. After an
  * error it may be there, and must be destroyed. */
-msim_status ms_rank_modes_create(const ms_model *model, ms_rank_modes **modes, msim_error *err);
+msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model,
+                                 ms_rank_modes **modes, msim_error *err);
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *modes);
 
-/* Factor Q^T (by A) Q; collective. Where it is not positive definite, nothing is ready. */
-void ms_rank_modes_factor(ms_rank_modes *modes, const ms_coefficients *a, double by);
+/* Factor Q^T (by A) Q; collective. Where it is not positive definite, nothing is ready. own: the
+ * block of this rank, if it is known. Nullable: own */
+void ms_rank_modes_factor(ms_rank_modes *modes, const ms_coefficients *a, double by,
+                          const double *own);
 
-/* z += Q (Q^T A Q)^-1 Q^T r on the unknowns of this rank. Returns r.(what is added), and in
- * product[] the sums of both numbers, over all ranks; one gather. */
-double ms_rank_modes_solve(ms_rank_modes *modes, double product[2], ms_operands rz);
+/* z += Q (Q^T A Q)^-1 Q^T r on the unknowns of this rank, to coarse->z after ms_coarse_solve(), or
+ * without a coarse space to that of rz. Returns r.(what is added), and in product[] the sums of
+ * both numbers, over all ranks; one gather. Nullable: coarse */
+double ms_rank_modes_solve(ms_rank_modes *modes, double product[2], const ms_coarse *coarse,
+                           ms_operands rz);
 
 #endif

@@ -4,7 +4,7 @@
 #include "base/simd.h"
 
 MS_INLINE ms_quad weights_of(const ms_rank_modes *q, size_t row) {
-  return ms_simd_load_quad(q->weight + MS_RANK_WEIGHTS * row);
+  return ms_simd_load_quad(q->weight[row]);
 }
 
 /*------------------------------------- the matrix -----------------------------------------------*/
@@ -44,7 +44,7 @@ MS_INLINE void add_own_column(size_t dims, const ms_rank_modes *q, int32_t j, do
 
 /* The diagonal block of this rank, the first own one, += (weights of row i) sum */
 MS_INLINE void add_own_row(size_t dims, ms_rank_modes *q, int32_t i, ms_quad sum[3][3]) {
-  const size_t modes = 1 + dims, n = (size_t)q->chol.block;
+  const size_t modes = MS_MODES, n = (size_t)q->chol.block;
   const ms_quad w = weights_of(q, (size_t)i);
   for (size_t c = 0; c < dims; c++)
     for (size_t l = 0; l < modes; l++)
@@ -56,73 +56,60 @@ MS_INLINE void add_own_row(size_t dims, ms_rank_modes *q, int32_t i, ms_quad sum
 }
 
 /* Most columns are own ones: they are added up before the weights of the row multiply them. */
-MS_INLINE void add_row(size_t dims, ms_rank_modes *q, const ms_coefficients *a, double by,
-                       int32_t i) {
+MS_INLINE void add_row(size_t dims, int with_own, ms_rank_modes *q, const ms_coefficients *a,
+                       double by, int32_t i) {
   const ms_model *model = q->model;
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, i);
-  double block[3][3];
+  double block[3][3] = {{0}};
   ms_quad sum[3][3] = {{{0}}};
-  get_diagonal_block(model, a, by, i, block);
-  add_own_column(dims, q, i, block, sum);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t j = model->half_edges.neighbour[at];
+    const int is_own = j < model->unknowns.nfree;
     if (model->half_edges.spring[at] < 0 || j >= model->unknowns.first_fixed) continue;
+    if (is_own && !with_own) continue;
     get_spring_block(dims, model, a, by, i, at, block);
-    if (j < model->unknowns.nfree) add_own_column(dims, q, j, block, sum);
+    if (is_own) add_own_column(dims, q, j, block, sum);
     else ms_rank_modes_add_block(q, i, j, block);
   }
+  if (!with_own) return;
+  get_diagonal_block(model, a, by, i, block);
+  add_own_column(dims, q, i, block, sum);
   add_own_row(dims, q, i, sum);
 }
 
-static void add_rows(ms_rank_modes *q, const ms_coefficients *a, double by) {
-  for (int32_t i = 0; i < q->model->unknowns.nfree; i++) {
-    if (q->model->unknowns.dims == 3) add_row(3, q, a, by, i);
-    else add_row(2, q, a, by, i);
-  }
+MS_INLINE void add_rows_of(size_t dims, ms_rank_modes *q, const ms_coefficients *a, double by,
+                           int with_own) {
+  if (with_own)
+    for (int32_t i = 0; i < q->model->unknowns.nfree; i++) add_row(dims, 1, q, a, by, i);
+  else
+    for (int32_t k = 0; k < q->nborder; k++) add_row(dims, 0, q, a, by, q->border[k]);
+}
+
+static void add_rows(ms_rank_modes *q, const ms_coefficients *a, double by, int with_own) {
+  if (q->model->unknowns.dims == 3) add_rows_of(3, q, a, by, with_own);
+  else add_rows_of(2, q, a, by, with_own);
 }
 
 /*------------------------------------- vectors --------------------------------------------------*/
 
-/* In planar scenes the last component is summed twice. rz.single is a constant where this is
- * inlined. */
-MS_INLINE void restrict_vector(const ms_rank_modes *q, ms_operands rz,
-                               double sums[3][MS_RANK_WEIGHTS]) {
+static void restrict_to(const ms_rank_modes *q, ms_operands rz, double *sums) {
   const ms_unknowns *rows = &q->model->unknowns;
-  const size_t second = (size_t)rows->stride, last = (size_t)(rows->dims - 1) * second;
-  ms_quad sum[3] = {{0}};
-  for (size_t i = 0; i < (size_t)rows->nfree; i++) {
-    const ms_quad w = weights_of(q, i);
-    sum[0] += w * ms_operands_get(&rz, i);
-    sum[1] += w * ms_operands_get(&rz, second + i);
-    sum[2] += w * ms_operands_get(&rz, last + i);
-  }
-  for (int c = 0; c < 3; c++) ms_simd_store_quad(sums[c], sum[c]);
-}
-
-static void restrict_to(const ms_rank_modes *q, ms_operands rz, double sums[3][MS_RANK_WEIGHTS]) {
-  if (rz.single) restrict_vector(q, (ms_operands){rz.x, NULL, 1}, sums);
-  else restrict_vector(q, (ms_operands){rz.x, NULL, 0}, sums);
-}
-
-/* Lanes are components. */
-MS_INLINE void correct_vector(const ms_rank_modes *q, double by[3][MS_RANK_WEIGHTS],
-                              ms_operands rz) {
-  const ms_unknowns *rows = &q->model->unknowns;
-  const size_t stride = (size_t)rows->stride;
-  ms_quad column[MS_RANK_WEIGHTS];
-  for (int k = 0; k < MS_RANK_WEIGHTS; k++) column[k] = (ms_quad){by[0][k], by[1][k], by[2][k]};
-  for (size_t i = 0; i < (size_t)rows->nfree; i++) {
-    const double *w = q->weight + MS_RANK_WEIGHTS * i;
-    const ms_quad sum =
-        (w[0] * column[0] + w[1] * column[1]) + (w[2] * column[2] + w[3] * column[3]);
-    ms_operands_add(&rz, i, sum[0]), ms_operands_add(&rz, stride + i, sum[1]);
-    if (rows->dims == 3) ms_operands_add(&rz, 2 * stride + i, sum[2]);
+  for (int32_t c = 0; c < rows->dims; c++) {
+    ms_quad sum = {0};
+    for (int32_t i = 0; i < rows->nfree; i++)
+      sum += weights_of(q, (size_t)i) * ms_operands_get(&rz, (size_t)(c * rows->stride + i));
+    ms_simd_store_quad(sums + MS_MODES * c, sum);
   }
 }
 
-static void correct(const ms_rank_modes *q, double by[3][MS_RANK_WEIGHTS], ms_operands rz) {
-  if (rz.single) correct_vector(q, by, (ms_operands){NULL, rz.y, 1});
-  else correct_vector(q, by, (ms_operands){NULL, rz.y, 0});
+static void correct(const ms_rank_modes *q, const double *by, ms_operands rz) {
+  const ms_unknowns *rows = &q->model->unknowns;
+  for (int32_t c = 0; c < rows->dims; c++)
+    for (int32_t i = 0; i < rows->nfree; i++) {
+      const double *w = q->weight[i], *b = by + MS_MODES * c;
+      ms_operands_add(&rz, (size_t)(c * rows->stride + i),
+                      (w[0] * b[0] + w[1] * b[1]) + (w[2] * b[2] + w[3] * b[3]));
+    }
 }
 
 const ms_rank_modes_kernels MS_TABLE(ms_rank_modes_kernels) = {add_rows, restrict_to, correct};
