@@ -315,34 +315,6 @@ static void bdf2_grows_with_care(void **state) {
   msim_scene_destroy(scene);
 }
 
-static int64_t evaluations_of(const msim_scene *scene, const char *method, const double *x) {
-  const msim_options opt = control_options(method, 1e-3, 0.4);
-  msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_run(sim, NULL, NULL, err));
-  assert_true(rms_distance(state_of(sim).x, x) < 1e-3);
-  const int64_t n = stats_of(sim).force_evaluations;
-  msim_sim_destroy(sim);
-  return n;
-}
-
-/* If only damping limits the step: ssprk104 has 10 evaluations to h g = 13.9, dop853 12 to 6.39. */
-static void methods_for_damping_take_few_evaluations(void **state) {
-  (void)state;
-  double x[3 * N];
-  msim_scene *scene = hanging_cloth(SIDE, 100, 40);
-  const msim_options opt = options("tr-bdf2", 1e-3);
-  msim_sim *sim = make_sim(scene, &opt);
-  assert_ok(msim_sim_step(sim, 400, err));
-  memcpy(x, state_of(sim).x, sizeof x);
-  const int64_t rkc = evaluations_of(scene, "rkc", x),
-                ssprk104 = evaluations_of(scene, "ssprk104", x),
-                dop853 = evaluations_of(scene, "dop853", x),
-                verlet = evaluations_of(scene, "velocity-verlet", x);
-  assert_true(5 * rkc < verlet && 3 * ssprk104 < 2 * dop853);
-  msim_sim_destroy(sim);
-  msim_scene_destroy(scene);
-}
-
 /*------------------------------------- the plan -------------------------------------------------*/
 
 static void expect_explained(msim_options opt, const char *sentence) {
@@ -490,7 +462,6 @@ int main(void) {
       cmocka_unit_test(nonlinear_steps_are_retried_by_default),
       cmocka_unit_test(bdf2_keeps_its_order),
       cmocka_unit_test(bdf2_grows_with_care),
-      cmocka_unit_test(methods_for_damping_take_few_evaluations),
       cmocka_unit_test(explain_tells_what_tol_is_of),
       cmocka_unit_test(the_first_step_is_found),
       cmocka_unit_test(unconnected_particles_do_not_affect_the_error),

@@ -66,7 +66,8 @@ static void check_control(ms_archive *b, const ms_integrator *method, double tol
   const ms_control own = ms_control_make(method, tol, c->span);
   ms_archive_check(b,
                    c->tol == own.tol && c->order == own.order && c->growth == own.growth &&
-                       c->safety == own.safety && c->h > 0 && c->span > 0,
+                       c->safety == own.safety && c->limited == own.limited && c->h > 0 &&
+                       c->span > 0,
                    "error control");
 }
 

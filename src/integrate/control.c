@@ -72,7 +72,8 @@ ms_control ms_control_make(const ms_integrator *integrator, double tol, double s
       .span = span,
       .order = integrator->entry.order - (integrator->two_estimates || integrator->low_estimate),
       .growth = integrator->growth > 0 ? integrator->growth : GROWTH,
-      .safety = integrator->safety > 0 ? integrator->safety : SAFETY};
+      .safety = integrator->safety > 0 ? integrator->safety : SAFETY,
+      .limited = integrator->limit != NULL};
 }
 
 double ms_control_allowed_error(const ms_control *c, double h) { return c->tol * h / c->span; }
@@ -97,6 +98,7 @@ void ms_control_archive(ms_archive *b, ms_control *c) {
     ms_archive_check(b, isfinite(*numbers[i]) && *numbers[i] >= 0,
                      "the state of the step-size controller");
   }
+  MS_ARCHIVE_TRANSFER(b, c->limited);
   MS_ARCHIVE_TRANSFER(b, c->shrunk);
 }
 
@@ -107,12 +109,19 @@ void ms_control_reject_failed(ms_control *c, double h) {
 
 /* h'/h, with r the relative errors of this step and of the one before, and s the safety factor, so
  * that r tends to s^k:
- *   h' = h s^0.3 r^(-0.7/k) r_before^(0.4/k),  or h s r^(-1/k) if there is none before or r > 1 */
+ *   h' = h s^(a - b) r^(-a/k) r_before^(b/k),  or h s r^(-1/k) if there is none before or r > 1
+ * with b = 0.4 and Gustafsson's a = 0.7, or a = 0.5 for methods whose steps stability limits, of
+ * which that would reject a tenth to a quarter. For at the limit r follows the fastest mode u: if
+ * log h is off by d,
+ *   log u' = log u + p d,  log r = log u + q d,  p = d log|R|/d log h,  q = d log(E/h)/d log h,
+ * with the amplification factor R and the error estimate E of that mode. With p and q of dop853 at
+ * the boundary of its region, in any direction, d decays by 0.81 a step or faster for a = 0.5 (1.04
+ * for 0.7); with those of rk4 on the real axis by 0.83 (1.06). */
 static double step_factor(const ms_control *c, double r) {
-  const double TINY = 1e-10, k = c->order;
+  const double A = c->limited ? 0.5 : 0.7, B = 0.4, TINY = 1e-10, k = c->order;
   if (r < TINY) r = TINY;
   if (c->previous > 0 && r <= 1)
-    return pow(c->safety, 0.3) * pow(r, -0.7 / k) * pow(c->previous, 0.4 / k);
+    return pow(c->safety, A - B) * pow(r, -A / k) * pow(c->previous, B / k);
   return c->safety * pow(r, -1 / k);
 }
 

@@ -36,6 +36,7 @@ typedef struct ms_control {
   double h;         /* s: the step to try next */
   double growth;    /* largest ratio of a step to the one before */
   double safety;    /* ratio of a step to the longest one that the error allows */
+  int limited;      /* 1: stability limits h, too */
   double previous;  /* relative error of the last accepted step, at least 1e-4; 0: unknown */
   int shrunk;       /* the last attempt was rejected */
 } ms_control;
