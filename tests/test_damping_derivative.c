@@ -286,23 +286,36 @@ static msim_scene *hanging_plate(double k, double damping) {
   return scene;
 }
 
+static int ascending(const void *a, const void *b) {
+  const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+  return (x > y) - (x < y);
+}
+
 /* A plate that dampers make rigid falls by more than its length in a step, and rotates by more than
  * a right angle. A line search that required the residual to fall took thousands of iterations per
- * step. */
+ * step. Where the solution is far, their number depends on rounding: if c changes by 1e-13, ten
+ * steps of the trapezoidal rule take 1,200 to 12,500 iterations, whatever the instruction set. The
+ * median of several such c counts. */
 static void strong_dampers_turn_far_in_a_step(void **state) {
   (void)state;
-  enum { FEW = 10 };
+  enum { FEW = 10, RUNS = 9 };
   static const char *const methods[] = {
       "implicit-euler", "implicit-midpoint", "trapezoidal", "newmark", "bdf2", "tr-bdf2", "sdirk2"};
   for (size_t i = 0; i < sizeof methods / sizeof *methods; i++)
     for (double h = 0.1; h < 2; h *= 10) {
-      msim_scene *scene = hanging_plate(1e3, 1e5);
-      msim_options opt = options(methods[i], h);
-      msim_sim *sim = make_sim(scene, &opt);
-      assert_ok(msim_sim_step(sim, FEW, err));
-      assert_in_range(stats_of(sim).newton_iterations, FEW, (h < 1 ? 100 : 400) * FEW);
-      msim_sim_destroy(sim);
-      msim_scene_destroy(scene);
+      int64_t n[RUNS];
+      for (int run = 0; run < RUNS; run++) {
+        msim_scene *scene = hanging_plate(1e3, 1e5 * (1 + 1e-13 * run));
+        msim_options opt = options(methods[i], h);
+        msim_sim *sim = make_sim(scene, &opt);
+        assert_ok(msim_sim_step(sim, FEW, err));
+        n[run] = stats_of(sim).newton_iterations;
+        msim_sim_destroy(sim);
+        msim_scene_destroy(scene);
+      }
+      qsort(n, RUNS, sizeof *n, ascending);
+      print_message("  %s, h = %g s: %lld iterations\n", methods[i], h, (long long)n[RUNS / 2]);
+      assert_in_range(n[RUNS / 2], FEW, (h < 1 ? 100 : 1000) * FEW);
     }
 }
 
