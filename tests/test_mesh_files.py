@@ -1,4 +1,6 @@
 """Mesh files that are whole, damaged or truncated: what the plugin `assimp` makes of them."""
+import base64
+import json
 import struct
 
 import support
@@ -50,11 +52,90 @@ DAMAGED = {
 }
 
 
-PLY = ("ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
-       "property float z\nelement face %d\nproperty list uchar int vertex_indices\nend_header\n" +
-       "".join("%g %g %g\n" % x for x in VERTICES) + "".join("3 %d %d %d\n" % f for f in FACES))
-WHOLE["mesh.ply"] = PLY % 4
-DAMAGED["many_faces.ply"] = (PLY % 400000000, "header")
+
+
+def ply(faces=tuple(FACES), nvertices=4, nfaces=4):
+    return ("ply\nformat ascii 1.0\ncomment x y z\nelement vertex %d\nproperty float x\n"
+            "property float y\nproperty float z\nelement face %d\n"
+            "property list uchar int vertex_indices\nend_header\n" % (nvertices, nfaces) +
+            "".join("%g %g %g\n" % x for x in VERTICES) +
+            "".join("%d %s\n" % (len(f), " ".join(map(str, f))) for f in faces))
+
+
+def binary_ply(order, faces=tuple(FACES), length="B"):
+    header = ("ply\nformat binary_%s_endian 1.0\nelement vertex 4\nproperty float32 x\n"
+              "property float32 y\nproperty float32 z\nelement face 4\n"
+              "property list %s int32 vertex_index\nend_header\n")
+    head = header % ("little" if order == "<" else "big", {"B": "uint8", "i": "int"}[length])
+    return (head.encode() + b"".join(struct.pack(order + "3f", *x) for x in VERTICES) +
+            b"".join(struct.pack(order + length, len(f)) + struct.pack(order + f"{len(f)}i", *f)
+                     for f in faces))
+
+
+WHOLE.update({
+    "mesh.ply": ply(),
+    "mesh_without_line_end.ply": ply()[:-1],
+    "carriage_returns.ply": ply().replace("\n", "\r\n"),
+    "blank_line.ply": ply().replace("end_header\n", "end_header\n\n"),
+    "edges.ply": (ply() + "0 1\n").replace("end_header", "element edge 1\nproperty int vertex1\n"
+                                           "property int vertex2\nend_header"),
+    "little.ply": binary_ply("<"),
+    "big.ply": binary_ply(">"),
+    "long_lists.ply": binary_ply(">", length="i"),
+    "name_of_words.stl": text_stl().replace("solid a", "solid of vertex facet\tx"),
+})
+
+DAMAGED.update({
+    "many_faces.ply": (ply(nfaces=400000000), "ends before face 4, and its header states 400000000"),
+    "no_last_face.ply": (ply(FACES[:3]), "ends before face 3, and its header states 4"),
+    "no_last_corner.ply": (ply()[:-2], "ends before face 3"),
+    "no_last_corners.ply": (ply(FACES[:3]) + "3", "ends before face 3"),
+    "vertex_missing.ply": (ply(nvertices=5), "vertex 4"),
+    "vertex_more.ply": (ply(nvertices=3), "face 0"),
+    "face_more.ply": (ply(nfaces=3), "more than its header states"),
+    "one_coordinate_less.ply": (ply().replace("1 0 0\n", "1 0\n", 1), "vertex 1"),
+    "one_coordinate_more.ply": (ply().replace("1 0 0\n", "1 0 0 7\n", 1), "vertex 1"),
+    "word.ply": (ply().replace("1 0 0\n", "1 x 0\n", 1), "vertex 1"),
+    "corner.ply": (ply((*FACES[:3], (0, 1, 4))), "face 3"),
+    "corner_2_32.ply": (ply((*FACES[:3], (0, 1, 1 << 32))), "face 3"),
+    "corner_of_parts.ply": (ply((*FACES[:3], (0, 1, 2.5))), "face 3"),
+    "strips.ply": (ply(((0, 1, 2, 3),), nfaces=1).replace("element face", "element tristrips"),
+                   "strips"),
+    "no_such_type.ply": (ply().replace("float y", "quad y"), "header"),
+    "no_end_header.ply": (ply().replace("end_header\n", ""), "header"),
+    "within_face.ply": (binary_ply("<")[:-1], "ends before face 3"),
+    "within_big_face.ply": (binary_ply(">")[:-13], "ends before face 3"),
+    "goes_on.ply": (binary_ply("<") + b"\1", "more than its header states"),
+    "big_corner.ply": (binary_ply(">", (*FACES[:3], (0, 1, -1))), "face 3"),
+    "long_list.ply": (binary_ply("<", length="i")[:-16] + struct.pack("<4i", 2000000000, 0, 1, 2),
+                      "ends before face 3"),
+    "vertex_before.stl": (text_stl().replace("facet", "vertex 5 5 5\nfacet", 1),
+                          "vertex outside of facets"),
+    "vertex_behind.stl": (text_stl()[:-11] + "vertex 5 5 5\nendsolid\n", "facet 4"),
+    "four_vertices.stl": (text_stl().replace(" endloop", "vertex 5 5 5\n endloop", 1), "facet 1"),
+    "short_vertex.stl": (text_stl().replace("vertex 1 0 0", "vertex 1 0", 1), "facet 1"),
+    "no_endfacet.stl": (text_stl().replace("endfacet\n", "", 1), "facet 1"),
+})
+
+
+def gltf(faces, count):
+    """Indices of two bytes, of which the file states count."""
+    data = (b"".join(struct.pack("<3f", *x) for x in VERTICES) +
+            b"".join(struct.pack("<3H", *f) for f in faces))
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    return json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"uri": uri, "byteLength": len(data)}],
+        "bufferViews": [{"buffer": 0, "byteLength": 48},
+                        {"buffer": 0, "byteOffset": 48, "byteLength": len(data) - 48}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5123, "count": count, "type": "SCALAR"}]})
+
+
+WHOLE["mesh.gltf"] = gltf(FACES, 12)
+DAMAGED["no_such_vertex.gltf"] = (gltf([*FACES, (0, 1, 4)], 15), "out-of-range")
+DAMAGED["one_index_less.gltf"] = (gltf(FACES, 11), "TRIANGLES")
 
 
 class MeshFiles(CliTest):

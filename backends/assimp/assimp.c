@@ -21,6 +21,8 @@
 #include <assimp/version.h>
 
 #include "msim/importer.h"
+#include "ply.h"
+#include "stl.h"
 
 /*------------------------------------- nodes ----------------------------------------------------*/
 
@@ -109,7 +111,7 @@ static msim_status announce(const msim_tree *tree, const char *path, int32_t kin
 
 static msim_status add_arrays(const msim_host *host, const struct aiScene *scene,
                               const msim_tree *tree) {
-  arrays to = {NULL};
+  arrays to = {0};
   void *vertices, *faces;
   msim_status status = add_scene(host, scene, &to);
   if (!status && to.nfaces == 0) {
@@ -143,111 +145,38 @@ static msim_status fail_import(const msim_host *host) {
   return MSIM_ERR_ARG;
 }
 
-static int has_bytes(FILE *file, double n) {
-  const long begin = ftell(file);
-  return fseek(file, 0, SEEK_END) == 0 && (double)(ftell(file) - begin) >= n;
-}
-
-/* libassimp 5.2 reads a header of PLY forever if it does not understand a line, or if the end is
- * missing, and makes room for all elements that it states. 1: all lines are of its language, and
- * the rest of the file has a byte for each element; sets *nfaces to the stated number of faces. */
-static int is_ply_header(FILE *file, unsigned *nfaces) {
-  static const char *const words[] = {"ply", "format", "comment", "obj_info", "element"};
-  static const char types[] =
-      " char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32 float32 "
-      "float64 ";
-  char line[512], first[16], type[16], padded[24];
-  double n, nelements = 0;
-  while (fgets(line, sizeof line, file)) {
-    int known = 0, nwords = sscanf(line, "%15s %15s %*s", first, type);
-    if (nwords < 1 || !strchr(line, '\n')) return 0;
-    if (strcmp(first, "end_header") == 0) return has_bytes(file, nelements);
-    if (sscanf(line, " element %*s %lf", &n) == 1) nelements += n;
-    if (sscanf(line, " element face %u", nfaces) == 1) continue;
-    for (size_t i = 0; i < sizeof words / sizeof *words; i++) known |= !strcmp(first, words[i]);
-    snprintf(padded, sizeof padded, " %s ", nwords > 1 ? type : "?");
-    if (strcmp(first, "property") == 0)
-      known = strcmp(padded, " list ") == 0 || strstr(types, padded) != NULL;
-    if (!known) return 0;
-  }
-  return 0;
-}
-
-static msim_status check_ply(const msim_host *host, const char *path, unsigned *nfaces) {
-  char start[4] = "";
+/* libassimp takes what is there of an OBJ file that is truncated: of its last line, too, a vertex
+ * or a face of fewer than three numbers without a line end. */
+static msim_status check_last_line(const msim_host *host, const char *path) {
+  char tail[256] = "", word[3][16];
   FILE *file = fopen(path, "rb");
-  const int is_ply = file && fread(start, 1, 3, file) == 3 && strncmp(start, "ply", 3) == 0;
-  if (is_ply) rewind(file);
-  const int is_good = !is_ply || is_ply_header(file, nfaces);
-  if (file) fclose(file);
-  if (is_good) return MSIM_OK;
-  host->fail(host, "its header of PLY is damaged, has no end, or states more than the file has");
-  return MSIM_ERR_ARG;
-}
-
-/* What a file begins and ends with */
-typedef struct ends {
-  char head[84], tail[256]; /* up to the last character that is not blank */
-  const char *line;         /* the last line in tail, without blanks around it */
-  int has_end;              /* a line end follows */
-  long size;
-} ends;
-
-static int read_ends(const char *path, ends *e) {
-  const long most = sizeof e->tail - 1;
-  FILE *file = fopen(path, "rb");
-  *e = (ends){.line = e->tail};
-  if (!file) return 0;
-  const int is_there = fread(e->head, 1, sizeof e->head, file) > 0 &&
-                       fseek(file, 0, SEEK_END) == 0 && (e->size = ftell(file)) > 0 &&
-                       fseek(file, e->size > most ? e->size - most : 0, SEEK_SET) == 0;
-  size_t n = is_there ? fread(e->tail, 1, (size_t)most, file) : 0;
+  if (!file) return MSIM_OK;
+  if (fseek(file, 1 - (long)sizeof tail, SEEK_END)) rewind(file);
+  tail[fread(tail, 1, sizeof tail - 1, file)] = '\0';
   fclose(file);
-  e->has_end = n > 0 && strchr("\r\n", e->tail[n - 1]) != NULL;
-  while (n > 0 && strchr(" \t\r\n", e->tail[n - 1])) e->tail[--n] = '\0';
-  const char *before = strrchr(e->tail, '\n');
-  if (before) e->line = before + 1;
-  e->line += strspn(e->line, " \t");
-  return n > 0;
-}
-
-/* Binary files may begin like text; they have 50 bytes a face, whose number stands in byte 80. */
-static int is_text_of_stl(const ends *e) {
-  uint32_t nfaces;
-  memcpy(&nfaces, e->head + 80, sizeof nfaces);
-  return strncmp(e->head, "solid", 5) == 0 && e->size != 84 + 50 * (long)nfaces;
-}
-
-/* A vertex or a face of fewer than three numbers, behind which the file ends */
-static int is_cut_line_of_obj(const ends *e) {
-  char word[3][16];
-  const int is_element = strncmp(e->line, "v ", 2) == 0 || strncmp(e->line, "f ", 2) == 0;
-  return !e->has_end && is_element &&
-         sscanf(e->line + 2, "%15s %15s %15s", word[0], word[1], word[2]) < 3;
-}
-
-/* libassimp returns what is there of truncated text files. */
-static msim_status check_end(const msim_host *host, const char *path) {
-  const char *extension = strrchr(path, '.');
-  ends e;
-  if (!extension || !read_ends(path, &e)) return MSIM_OK;
-  if (is_text_of_stl(&e) && strncmp(e.line, "endsolid", 8) != 0) {
-    host->fail(host, "it does not end with endsolid: the file is truncated");
-    return MSIM_ERR_ARG;
-  }
-  if (strcasecmp(extension, ".obj") != 0 || !is_cut_line_of_obj(&e)) return MSIM_OK;
+  const char *line = strrchr(tail, '\n');
+  line = line ? line + 1 : tail;
+  line += strspn(line, " \t");
+  const int is_element = strncmp(line, "v ", 2) == 0 || strncmp(line, "f ", 2) == 0;
+  if (!is_element || sscanf(line + 2, "%15s %15s %15s", word[0], word[1], word[2]) == 3)
+    return MSIM_OK;
   host->fail(host, "its last line is incomplete: the file is truncated");
   return MSIM_ERR_ARG;
 }
 
-/* What the triangulation of libassimp takes for granted. Of a truncated PLY file it returns the
- * faces that are there; stated: the number in its header, 0: none. */
-static msim_status check_faces(const msim_host *host, const struct aiScene *scene,
-                               unsigned stated) {
-  unsigned count = 0;
+/* libassimp takes truncated files as whole. */
+static msim_status check_format(const msim_host *host, const char *path) {
+  const char *extension = strrchr(path, '.');
+  const msim_status status = assimp_ply_check(host, path);
+  if (status || !extension) return status;
+  if (strcasecmp(extension, ".stl") == 0) return assimp_stl_check(host, path);
+  return strcasecmp(extension, ".obj") == 0 ? check_last_line(host, path) : MSIM_OK;
+}
+
+/* What the triangulation of libassimp takes for granted */
+static msim_status check_faces(const msim_host *host, const struct aiScene *scene) {
   for (unsigned m = 0; m < scene->mNumMeshes; m++) {
     const struct aiMesh *mesh = scene->mMeshes[m];
-    count += mesh->mNumFaces;
     for (unsigned f = 0; f < mesh->mNumFaces; f++) {
       const struct aiFace *face = &mesh->mFaces[f];
       int is_good = mesh->mVertices && face->mNumIndices > 0 && face->mIndices;
@@ -258,21 +187,38 @@ static msim_status check_faces(const msim_host *host, const struct aiScene *scen
       return MSIM_ERR_ARG;
     }
   }
-  if (count >= stated) return MSIM_OK;
-  host->fail(host, "it has %u faces, and its header states %u: the file is truncated", count,
-             stated);
-  return MSIM_ERR_ARG;
+  return MSIM_OK;
+}
+
+/* libassimp leaves out damaged faces of glTF with no more than a warning "...: ... dropped". */
+enum { MOST_WARNING = 200 };
+static void keep_warning_of_loss(const char *message, char *kept) {
+  const char *text = strstr(message, ": ");
+  if (text && !*kept && strstr(text, "dropped"))
+    snprintf(kept, MOST_WARNING, "%.*s", (int)strcspn(text + 2, ".\n"), text + 2);
 }
 
 /* NULL: refused, and *status is set. */
-static const struct aiScene *import(const msim_host *host, const char *path, unsigned stated,
-                                    msim_status *status) {
+static const struct aiScene *import_whole(const msim_host *host, const char *path,
+                                          msim_status *status) {
+  char loss[MOST_WARNING] = "";
+  const struct aiLogStream log = {keep_warning_of_loss, loss};
+  aiAttachLogStream(&log);
   const struct aiScene *scene = aiImportFile(path, 0);
-  if (!scene) {
-    *status = fail_import(host);
-    return NULL;
-  }
-  *status = check_faces(host, scene, stated);
+  aiDetachLogStream(&log);
+  if (!scene) *status = fail_import(host);
+  if (!scene || !*loss) return scene;
+  aiReleaseImport(scene);
+  host->fail(host, "it is damaged: %s", loss);
+  *status = MSIM_ERR_ARG;
+  return NULL;
+}
+
+/* NULL: refused, and *status is set. */
+static const struct aiScene *import(const msim_host *host, const char *path, msim_status *status) {
+  const struct aiScene *scene = import_whole(host, path, status);
+  if (!scene) return NULL;
+  *status = check_faces(host, scene);
   if (*status) {
     aiReleaseImport(scene);
     return NULL;
@@ -283,13 +229,11 @@ static const struct aiScene *import(const msim_host *host, const char *path, uns
 }
 
 static msim_status load(const msim_host *host, const char *path, const msim_tree *tree) {
-  unsigned nfaces = 0;
   msim_status status = check_file(host, path);
-  if (!status) status = check_ply(host, path, &nfaces);
-  if (!status) status = check_end(host, path);
+  if (!status) status = check_format(host, path);
   if (status) return status;
   host->lock(host);
-  const struct aiScene *scene = import(host, path, nfaces, &status);
+  const struct aiScene *scene = import(host, path, &status);
   host->unlock(host);
   if (!scene) return status;
   if (scene->mRootNode) status = add_arrays(host, scene, tree);
