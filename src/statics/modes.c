@@ -141,8 +141,10 @@ static double squared_frequency(const subspace *s, int32_t j) {
   return (1 / s->theta[j] - 1) / (s->h * s->h);
 }
 
-/* w^2 up to here are rounding errors of K. */
-static double rounding_level(const subspace *s) { return 64 * DBL_EPSILON * s->omega * s->omega; }
+/* w^2 up to here are rounding errors of K and of theta. */
+static double rounding_level(const subspace *s) {
+  return 64 * DBL_EPSILON * (s->omega * s->omega + 1 / (s->h * s->h));
+}
 
 /* The residual of a Ritz vector that has converged: small, or errors of iterative solves, of which
  * the largest theta has most */
