@@ -102,6 +102,7 @@ DAMAGED.update({
     "strips.ply": (ply(((0, 1, 2, 3),), nfaces=1).replace("element face", "element tristrips"),
                    "strips"),
     "no_such_type.ply": (ply().replace("float y", "quad y"), "header"),
+    "lengths_of_floats.ply": (ply().replace("list uchar", "list float"), "header"),
     "no_end_header.ply": (ply().replace("end_header\n", ""), "header"),
     "within_face.ply": (binary_ply("<")[:-1], "ends before face 3"),
     "within_big_face.ply": (binary_ply(">")[:-13], "ends before face 3"),

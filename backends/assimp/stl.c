@@ -37,6 +37,7 @@ static int is_number(const char *word) {
   return end > word && !*end;
 }
 
+/* libassimp refuses what is no number, too, but does not free its memory then. */
 static void read_vertex(text *t) {
   char word[3][64];
   const int n = fscanf(t->file, "%63s %63s %63s", word[0], word[1], word[2]);
