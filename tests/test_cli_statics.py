@@ -47,6 +47,46 @@ class Rest(CliTest):
         self.assert_sentence(err, "no equilibrium", "20 N", "particle 0")
         self.assertEqual(self.files(), ["scene.json"])
 
+    def test_springs_that_would_break(self):
+        """In balance spring i of a chain of masses m carries m g (n - i): up to 30 N here."""
+        x = [[0, 0, -i] for i in range(4)]
+        for key, limit, breaks in (("break_force", 31, False), ("break_force", 29, True),
+                                   ("break_strain", 0.31, False), ("break_strain", 0.29, True)):
+            with self.subTest(key=key, limit=limit):
+                self.scene({"msim": 1, "gravity": [0, 0, -10],
+                            "laws": [{"type": "linear", key: limit}],
+                            "particles": {"x": x, "mass": 1, "pinned": [0]},
+                            "springs": {"ij": [[2, 3], [1, 2], [0, 1]], "k": 100, "law": 1}})
+                if not breaks:
+                    self.good("rest", "scene.json")
+                    continue
+                status, _, err = self.cli("rest", "scene.json", "--final", "rest.json")
+                self.assertEqual(status, 2)
+                self.assert_sentence(err, "spring 2 would break", "0.3 m", "30 N", key)
+                self.assertEqual(self.files(), ["scene.json"])
+
+    def test_springs_that_do_not_break(self):
+        """Those between pinned particles, and those that are broken, however long."""
+        x = [[0, 0, 0], [0, 0, 2], [0, 0, -1]]
+        self.scene({"msim": 1, "gravity": [0, 0, -10],
+                    "laws": [{"type": "linear", "break_strain": 0.5}],
+                    "particles": {"x": x, "mass": 1, "pinned": [0, 1]},
+                    "springs": {"ij": [[0, 1], [1, 2], [0, 2]], "k": 100, "rest": 1, "law": 1}})
+        self.good("run", "scene.json", "--integrator", "rk4", "--h", "1e-3", "--steps", "1",
+                  "--final", "broken.json")
+        self.assertEqual(self.final("broken.json")["broken"], [1])
+        self.good("rest", "scene.json", "--init", "broken.json", "--final", "rest.json")
+        self.assertAlmostEqual(self.final("rest.json")["x"][2][2], -1.1, delta=1e-9)
+
+    def test_self_contact(self):
+        """Refused by name; modes leave contacts aside."""
+        scene = {**CHAIN, "run": {"integrator": "velocity-verlet", "h": 1e-4, "t_end": 1}}
+        self.scene(scene)
+        wanted = self.good("modes", "scene.json", "-n", "3")
+        self.scene({**scene, "self_contact": {"thickness": 0.01}})
+        self.assert_refused(["rest", "scene.json"], "does not support self_contact")
+        self.assertEqual(self.good("modes", "scene.json", "-n", "3"), wanted)
+
     def test_refusals(self):
         self.scene(CHAIN)
         self.write("note.json", "mine")

@@ -27,8 +27,9 @@ typedef struct msim_equilibrium {
  * no effect. Any method of the sim will do.
  *
  * MSIM_NOT_CONVERGED: none was found in so many iterations of Newton's method, or there is none, as
- * gravity moves a body that nothing supports: the message says which. MSIM_ERR_UNSUPPORTED: forces
- * that depend on time or velocity, colliders that move, several ranks. MSIM_STOPPED: msim_sim_stop.
+ * gravity moves a body that nothing supports, or a spring would break: the message says which.
+ * MSIM_ERR_UNSUPPORTED: self-contact, forces that depend on time or velocity, colliders that move,
+ * several ranks. MSIM_STOPPED: msim_sim_stop.
  * After an error the state is as it was. Nullable: result. */
 MSIM_API msim_status msim_sim_equilibrium(msim_sim *sim, double ftol,
                                           int32_t max_iterations /* >= 1 */,
@@ -41,7 +42,7 @@ MSIM_API msim_status msim_sim_equilibrium(msim_sim *sim, double ftol,
  * ones. Contacts and drag have no effect.
  *
  * MSIM_ERR_ARG: n is not in 1 .. 3 times the number of free particles. MSIM_ERR_UNSUPPORTED: as
- * above. MSIM_NOT_CONVERGED. MSIM_STOPPED. Nullable: shape. */
+ * above, but for self-contact. MSIM_NOT_CONVERGED. MSIM_STOPPED. Nullable: shape. */
 MSIM_API msim_status msim_sim_modes(msim_sim *sim, int32_t n, double *frequency /* n */,
                                     double *shape /* n x 3 nparticles */, msim_error *err);
 

@@ -127,15 +127,10 @@ static void set_limits(struct ms_law_springs *s) {
 
 /*------------------------------------- the test -------------------------------------------------*/
 
-static int exceeds_threshold(const ms_law *law, double stretch, double force, double rest) {
-  return (law->is.break_strain > 0 && rest > 0 && stretch > law->is.break_strain * rest) ||
-         (law->is.break_force > 0 && force > law->is.break_force);
-}
-
 static int breaks(const struct ms_law_springs *s, const ms_law_run *run, const ms_law_batch *at,
                   int32_t e) {
   return !s->broken[run->begin + e] &&
-         exceeds_threshold(run->law, at->stretch[e], at->force[e], s->rest[run->begin + e]);
+         ms_law_exceeds_threshold(run->law, at->stretch[e], at->force[e], s->rest[run->begin + e]);
 }
 
 static void evaluate_springs(const ms_model *model, const ms_law_run *run, const double *x,

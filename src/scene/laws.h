@@ -27,6 +27,12 @@ static inline int ms_law_breaks(const ms_law *law) {
   return law->is.break_strain > 0 || law->is.break_force > 0;
 }
 
+static inline int ms_law_exceeds_threshold(const ms_law *law, double stretch, double force,
+                                           double rest) {
+  return (law->is.break_strain > 0 && rest > 0 && stretch > law->is.break_strain * rest) ||
+         (law->is.break_force > 0 && force > law->is.break_force);
+}
+
 /* 1: the scene has a law by which springs break. */
 int ms_scene_breaks(const ms_scene *scene);
 

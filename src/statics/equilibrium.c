@@ -17,6 +17,7 @@
 #include "base/vec3.h"
 #include "contact/contact_curvature.h"
 #include "physics/bounds.h"
+#include "physics/law.h"
 #include "statics/static_step.h"
 #include "statics/static_sim.h"
 #include "statics/support.h"
@@ -108,6 +109,26 @@ static msim_status check_distance(const search *s, msim_error *err) {
           "there is no equilibrium near the start: particle %d moves away, by %.3g m "
           "so far, and %.3g N are left on particle %d",
           p, moved, s->result.force, s->result.particle);
+  }
+  return MSIM_OK;
+}
+
+/* MSIM_NOT_CONVERGED: there a spring breaks. */
+static msim_status check_springs(const search *s, msim_error *err) {
+  const ms_scene *scene = s->sim->scene;
+  for (int32_t e = 0; e < scene->nsprings; e++) {
+    const int32_t *ij = scene->ij + 2 * (size_t)e;
+    const ms_law *law = ms_scene_law(scene, e);
+    if (!law || ms_scene_is_broken(scene, e) || (scene->pinned[ij[0]] && scene->pinned[ij[1]]))
+      continue;
+    const double length = distance(s->x + 3 * (size_t)ij[0], s->x + 3 * (size_t)ij[1]);
+    const double stretch = length - scene->rest[e], force = ms_law_value_of(scene, e, length).force;
+    if (ms_law_exceeds_threshold(law, stretch, force, scene->rest[e]))
+      return ms_error_set(err, MSIM_NOT_CONVERGED,
+                          "there is no equilibrium near the start: spring %d would break, as it is "
+                          "stretched by %.3g m and pulls with %.3g N where forces balance; break "
+                          "it, or raise break_strain or break_force of its law",
+                          e, stretch, force);
   }
   return MSIM_OK;
 }
@@ -254,7 +275,17 @@ static msim_status run_search(search *s, msim_error *err) {
   msim_sim_destroy(s->sim);
   s->accepted = accepted;
   status = ms_static_sim_create(s->of, MS_STATIC_EXACT, &s->sim, err);
-  return status ? status : find_equilibrium(s, 1, err);
+  if (!status) status = find_equilibrium(s, 1, err);
+  return status ? status : check_springs(s, err);
+}
+
+static msim_status check_scene(const msim_sim *sim, msim_error *err) {
+  if (ms_scene_has_self_contact(sim->scene))
+    return ms_error_set(
+        err, MSIM_ERR_UNSUPPORTED,
+        "msim_sim_equilibrium does not support self_contact; remove it, or run with "
+        "damping until the scene is at rest");
+  return ms_static_sim_check(sim, "msim_sim_equilibrium", err);
 }
 
 static msim_status take_state(const search *s, msim_error *err) {
@@ -272,7 +303,7 @@ msim_status msim_sim_equilibrium(msim_sim *sim, double ftol, int32_t max_iterati
                         max_iterations);
   search s = {
       .of = sim, .accepted = ftol, .most = max_iterations, .result = {.size = sizeof s.result}};
-  msim_status status = ms_static_sim_check(sim, "msim_sim_equilibrium", err);
+  msim_status status = check_scene(sim, err);
   if (!status) status = run_search(&s, err);
   if (!status && result && ms_sized_write(result, &s.result, sizeof s.result))
     status = ms_error_set(err, MSIM_ERR_SIZE, "result.size is %zu; it must be %zu", result->size,

@@ -22,11 +22,12 @@ msim_status ms_static_sim_check(const msim_sim *of, const char *function, msim_e
   return MSIM_OK;
 }
 
-/* Copy the scene without damping, drag and motions, at rest in the positions x. */
+/* Copy the scene without damping, drag, motions and self-contact, at rest in the positions x. */
 static msim_status copy_scene(const ms_scene *from, const double *x, msim_scene *to,
                               msim_error *err) {
   to->data = ms_scene_retain((ms_scene *)from);
   msim_status status = msim_scene_set_drag(to, 0, err);
+  if (!status) status = msim_scene_set_self_contact(to, 0, 0, err);
   ms_scene *s = status ? NULL : ms_scene_make_writable(to, err);
   if (!s) return MSIM_ERR_MEMORY;
   while (s->nmotions) ms_scene_remove_motion(to->data, s->motions[0].particles[0]);
