@@ -251,6 +251,19 @@ class RestInContact(CliTest):
                     continue
                 self.check_is_not_held(s, on, "1.96 N")
 
+    def test_friction_stops_what_slides(self):
+        """A particle slides down a slope until friction holds it by the spring above it: at a
+        tension from m g (sin a - mu cos a), mu up to 1 % less in the last steps."""
+        for angle, friction, k in ((0.8, 0.5, 1000), (0.5, 0.3, 200), (1.1, 0.2, 1e4)):
+            with self.subTest(angle=angle):
+                down = np.array([math.cos(angle), 0, -math.sin(angle)])
+                s = Scene()
+                s.join(s.add(-down, pinned=True), s.add([0, 0, 0]), k)
+                x = self.check(s, Obstacles(planes=[slope(angle, 0)], friction=friction))
+                weight, limit = 0.981 * math.sin(angle), 0.981 * friction * math.cos(angle)
+                self.assertGreaterEqual(k * (down @ x[1]), weight - limit - 1e-8)
+                self.assertLessEqual(k * (down @ x[1]), weight - 0.99 * limit + 1e-8)
+
     def test_curved_in_one_direction(self):
         """A bar across a trough, a cylinder inside out: as in a bowl, and free along the axis. On a
         cylinder lying on its side it slides off."""
