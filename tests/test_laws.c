@@ -94,23 +94,29 @@ static void tables_are_monotone(void **state) {
   }
 }
 
-/* Near rest the force of a table is relative to e, as Newton's method needs it. */
-static void tables_do_not_cancel_at_rest(void **state) {
-  (void)state;
-  const double x[3] = {-0.1, 0, 0.1}, f[3] = {-10, 0, 5};
-  const msim_law is = {.size = sizeof is, .kind = MSIM_LAW_TABLE, .n = 3, .stretch = x, .force = f};
+/* Near rest force and energy of a table are relative to e, as Newton's method needs it. slope: that
+ * of the parabola through the three points around e = 0. */
+static void check_table_at_rest(int32_t n, const double *x, const double *f, double slope) {
+  const msim_law is = {.size = sizeof is, .kind = MSIM_LAW_TABLE, .n = n, .stretch = x, .force = f};
   ms_law law;
   ms_law_batch at = {.only_force = 0};
   const msim_allocator alloc = ms_memory_allocator(NULL);
   assert_true(ms_laws_prepare(&alloc, &is, &law));
   for (int i = 0; i < 40; i++) {
-    const double e = pow(10, -1 - i / 2.) * (i % 2 ? 1 : -1);
+    const double e = x[n - 1] * pow(10, -i / 2.) * (i % 2 ? 1 : -1);
     at.stretch[0] = e;
     ms_law_evaluate(&law, 1, NULL, NULL, &at);
-    if (i > 20) assert_close(at.force[0], 75 * e, 1e-9 * fabs(75 * e));
-    assert_close(at.energy[0], 0.5 * at.force[0] * e, 0.1 * at.force[0] * e);
+    if (i > 20) assert_close(at.force[0], slope * e, 1e-9 * fabs(slope * e));
+    if (i > 2) assert_close(at.energy[0], 0.5 * at.force[0] * e, 0.1 * at.force[0] * e);
   }
   ms_laws_free_one(&alloc, &law);
+}
+
+static void tables_do_not_cancel_at_rest(void **state) {
+  (void)state;
+  check_table_at_rest(3, (double[]){-0.1, 0, 0.1}, (double[]){-10, 0, 5}, 75);
+  check_table_at_rest(5, (double[]){-0.1, -0.02, 0, 0.03, 0.1}, (double[]){-30, -2, 0, 5, 6},
+                      380. / 3);
 }
 
 /*------------------------------------- forces ---------------------------------------------------*/

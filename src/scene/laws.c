@@ -50,7 +50,8 @@ static void set_table_energies(ms_law *law) {
   for (int32_t i = 0; i <= n; i++) law->piece[i].energy -= at_rest;
 }
 
-/* Expand pieces around their points nearest to 0, so that forces near rest have no cancellation.
+/* Expand pieces around their points nearest to 0, so that forces and energies near rest have no
+ * cancellation.
  * At the upper end of a piece force and slope are those of the next one. */
 static void center_pieces(ms_law *law, const double *slope) {
   const double *x = law->is.stretch;
@@ -58,7 +59,7 @@ static void center_pieces(ms_law *law, const double *slope) {
     ms_law_piece *p = &law->piece[i];
     const double at = fmin(fmax(0, x[i - 1]), x[i]), s = at - p->start;
     if (s == 0) continue;
-    p->energy = piece_energy(p, s);
+    p->energy = at == 0 ? 0 : piece_energy(p, s);
     p->a = at == x[i] ? law->is.force[i] : p->a + s * (p->b + s * (p->c + s * p->d));
     p->b = at == x[i] ? slope[i] : p->b + s * (2 * p->c + s * 3 * p->d);
     p->c += 3 * p->d * s;
