@@ -82,7 +82,7 @@ static void it_goes_on_to_an_impact_where_a_plane_is_close(void **state) {
 /* A plane that is far counts only if the impact is in the first third of the run. */
 static void far_planes_do_not_count(void **state) {
   (void)state;
-  const double t = STEPS / 2 * STEP, z = GRAVITY * t * t / 2;
+  const double t = STEPS * STEP / 2, z = GRAVITY * t * t / 2;
   fall f;
   set_up(z, 0, &f);
   assert_true(!f.run.met_plane && !f.run.planes_count);
@@ -115,10 +115,58 @@ static void free_particles_are_counted(void **state) {
   }
 }
 
+/* Error control is tried after an impact, or else from the end. */
+static void error_control_starts_late(void **state) {
+  (void)state;
+  const double t = STEPS * STEP / 2, z = GRAVITY * t * t / 2;
+  for (int impact = 0; impact < 2; impact++) {
+    fall f;
+    set_up(impact ? 1e-3 * z : z, 0, &f);
+    assert_int_equal(f.run.planes_count, impact);
+    assert_ok(ms_pilot_run_set_late(&f.run, f.sim, err));
+    assert_close(state_of(f.sim).x[2], (impact ? f.run.middle : f.run.end).x[2], 0);
+    tear_down(&f);
+  }
+}
+
+static ms_pilot_run make_run(const msim_scene *scene) {
+  const msim_options opt = options_of("velocity-verlet", 0, 0.3);
+  msim_sim *sim = make_sim(scene, &opt);
+  const msim_state start = state_of(sim);
+  ms_pilot_run run;
+  assert_ok(ms_pilot_run_begin(sim, 1e-2, 0, &start, &run, err));
+  assert_ok(ms_pilot_run_make(&run, err));
+  ms_pilot_run_end(&run);
+  msim_sim_destroy(sim);
+  return run;
+}
+
+/* The growth of errors counts twice unless damping is strong, and errors of order 2 do so again. */
+static void errors_grow_most_where_damping_is_weak(void **state) {
+  (void)state;
+  const double damping[] = {0, 1e-9, 3};
+  double growth[3];
+  for (int i = 0; i < 3; i++) {
+    msim_scene *scene = hanging_cloth(9, 93, damping[i]);
+    const ms_pilot_run run = make_run(scene);
+    growth[i] = ms_pilot_run_growth(&run, 4);
+    assert_close(ms_pilot_run_growth(&run, 2), 2 * growth[i], 1e-12);
+    msim_scene_destroy(scene);
+  }
+  print_message("  growth %.3g, weakly damped %.3g, strongly %.3g\n", growth[0], growth[1],
+                growth[2]);
+  assert_true(growth[0] > 4);
+  assert_close(growth[1], growth[0], 0.01);
+  assert_true(growth[2] > 2 && growth[2] <= 4);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(it_ends_with_the_part_of_an_impact),
       cmocka_unit_test(it_goes_on_to_an_impact_where_a_plane_is_close),
-      cmocka_unit_test(far_planes_do_not_count), cmocka_unit_test(free_particles_are_counted)};
+      cmocka_unit_test(far_planes_do_not_count),
+      cmocka_unit_test(free_particles_are_counted),
+      cmocka_unit_test(error_control_starts_late),
+      cmocka_unit_test(errors_grow_most_where_damping_is_weak)};
   return cmocka_run_group_tests_name("pilot_run", tests, NULL, NULL);
 }

@@ -197,8 +197,9 @@ static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double 
   return MSIM_OK;
 }
 
-/* The method under error control over the third quarter of the pilot run, or as long as it costs
- * less than the best candidate so far would there; without planes its first steps are sufficient.
+/* The method under error control from the end of the pilot run, or an impact, over a quarter of its
+ * length, or as long as it costs less than the best candidate so far would there; without planes
+ * its first steps are sufficient.
  * Evaluations of dop853 count more, as in `candidate_list`. */
 static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candidate *c,
                                   msim_error *err) {
@@ -207,7 +208,7 @@ static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candi
   msim_sim *trial;
   msim_status status = ms_pilot_run_create_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
   if (status) return status;
-  status = ms_pilot_run_set_middle(p, trial, err);
+  status = ms_pilot_run_set_late(p, trial, err);
   if (!status) status = run_trial(p, trial, t, least * t / SUMS, steps, c, err);
   const int arrived = trial->run.t >= t || (double)trial->run.step >= steps;
   msim_sim_destroy(trial);

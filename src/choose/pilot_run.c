@@ -50,9 +50,9 @@ static msim_state state_of(const ms_pilot_run *p, const ms_pilot_state *s) {
       .size = sizeof(msim_state), .n = p->sim->scene->nparticles, .x = s->x, .v = s->v};
 }
 
-msim_status ms_pilot_run_set_middle(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
-  const msim_state middle = state_of(p, &p->middle);
-  return ms_sim_set_state(sim, &middle, err);
+msim_status ms_pilot_run_set_late(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
+  const msim_state late = state_of(p, p->planes_count ? &p->middle : &p->end);
+  return ms_sim_set_state(sim, &late, err);
 }
 
 static void copy_state(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *to) {
@@ -170,12 +170,16 @@ double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
   return fmax(1, round(steps));
 }
 
+double ms_pilot_run_growth(const ms_pilot_run *p, int order) {
+  return p->error_growth * (order == 2 && !p->planes_count ? 2 : 1);
+}
+
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
                                     double *step_cost, msim_error *err) {
   const double before = p->cost;
   const int64_t m = (int64_t)ms_pilot_run_trial_steps(p, of->h);
   msim_status status = compare_half_steps(p, of, m, &p->end, error, err);
-  *error *= p->error_growth * p->remaining / ((double)m * of->h);
+  *error *= ms_pilot_run_growth(p, of->order) * p->remaining / ((double)m * of->h);
   if (!(*error < INFINITY)) *error = INFINITY;
   *step_cost = (p->cost - before) / (3 * (double)m);
   return status;
@@ -297,8 +301,8 @@ static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_e
 }
 
 /* Set p->error_growth: with planes 10, as later impacts may have larger errors; else g = (error of
- * a step at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 if nothing is
- * damped. */
+ * a step at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 unless damping is
+ * strong. */
 static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error *err) {
   double now, before;
   p->error_growth = p->planes_count ? 10 : 1;
@@ -306,8 +310,9 @@ static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error
   msim_status status = compare_half_steps(p, step, 1, &p->middle, &before, err);
   if (!status) status = compare_half_steps(p, step, 1, &p->end, &now, err);
   if (status) return status;
+  const int is_strongly_damped = p->bounds.rate > p->bounds.omega;
   const double ratio = now / fmax(before, p->scales.rounding);
-  if (ratio > 1) p->error_growth = pow(fmin(ratio, 4), p->damped ? 1 : 2);
+  if (ratio > 1) p->error_growth = pow(fmin(ratio, 4), is_strongly_damped ? 1 : 2);
   return MSIM_OK;
 }
 

@@ -51,9 +51,10 @@ msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c
   msim_status status = ms_pilot_run_measure_steps(p, trial, n, s, err);
   if (status) return status;
   const double share = p->tol * c->h / p->span;
-  const double foreseen = fmax(c->error / p->error_growth, DBL_MIN);
+  const double foreseen = fmax(c->error / ms_pilot_run_growth(p, trial->order), DBL_MIN);
   const double even = usual_error(s, n, event) * p->tol / foreseen;
   const double most = p->planes_count || !p->many ? event : fmax(event, SOME * even);
+  if (p->many && trial->order == 2) v->error_sum = even * p->span / c->h;
   v->allowed = fmin(most, fmax(share, CARE * even));
   for (int i = 0; i < n; i++)
     for (int k = 0; k < 2 && s[i].error <= v->allowed; k++)

@@ -236,6 +236,22 @@ static double substep_length(const msim_sim *sim, double h, double error) {
   return c.h;
 }
 
+/* Parts of a step, more if the errors of the island add up to more than tol */
+static int64_t count_parts(const msim_sim *sim, const ms_island_verification *check) {
+  const double MOST = 2, tolerated = sim->config.choice.verification.error_sum;
+  const int64_t n = sim->config.choice.substeps;
+  if (tolerated == 0 || check->error_sum <= tolerated) return n;
+  return n << (int)fmin(MOST, ceil(log2(check->error_sum / tolerated)));
+}
+
+/* Each step since the last one verified, or each of its parts, had this error. */
+static void add_up_error(const msim_sim *sim, ms_island_sim *m, double error) {
+  ms_island_verification *check = &m->verification;
+  const int64_t step = sim->run.step + 1;
+  check->error_sum += error * (double)(step - check->verified) * sim->run.h / m->stepper.h;
+  check->verified = step;
+}
+
 /* Make one step, verified. *moved: the start of the whole step is saved, and s->x has moved */
 static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int *moved,
                                       msim_error *err) {
@@ -269,12 +285,13 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
     check->substep = substep_length(sim, s->h, error);
     return make_step_in_substeps(sim, m, moved, err);
   }
+  add_up_error(sim, m, error);
   for (int i = 0; i < 2; i++) check->indicator[i] = fmax(check->indicator[i], sign[i]);
   return MSIM_OK;
 }
 
 msim_status ms_step_verification_make_step(const msim_sim *sim, ms_island_sim *m, msim_error *err) {
-  const int64_t n = sim->config.choice.substeps;
+  const int64_t n = count_parts(sim, &m->verification);
   ms_stepper *s = &m->stepper;
   const double h = s->h;
   int moved = 0;
@@ -366,6 +383,7 @@ void ms_step_verification_start_islands(msim_sim *sim) {
   const ms_step_verification *v = &sim->config.choice.verification;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     m->verification.verify_next = 0, m->verification.substep = 0;
+    m->verification.error_sum = 0, m->verification.verified = sim->run.step;
     for (int i = 0; i < 2; i++) m->verification.indicator[i] = v->indicator[i];
   }
 }
@@ -401,8 +419,8 @@ void ms_step_verification_check_energy(msim_sim *sim) {
 
 void ms_step_verification_archive(ms_archive *b, ms_step_verification *v) {
   ms_scales *s = &v->scales;
-  double *numbers[] = {&v->allowed, &v->indicator[0], &v->indicator[1], &v->energy, &s->extent,
-                       &s->speed,   &s->mass,         &s->rounding,     &s->time};
+  double *numbers[] = {&v->allowed, &v->indicator[0], &v->indicator[1], &v->error_sum, &v->energy,
+                       &s->extent,  &s->speed,        &s->mass,         &s->rounding,  &s->time};
   for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
     MS_ARCHIVE_TRANSFER(b, *numbers[i]);
     ms_archive_check(b, isfinite(*numbers[i]), "the verification of steps");
@@ -412,8 +430,8 @@ void ms_step_verification_archive(ms_archive *b, ms_step_verification *v) {
   MS_ARCHIVE_TRANSFER(b, v->planes_far);
   ms_archive_transfer_count(b, &v->next_plane_check);
   ms_archive_check(b,
-                   v->allowed >= 0 && (v->planes_far | 1) == 1 && (v->warned | 1) == 1 &&
-                       (v->only_events | 1) == 1,
+                   v->allowed >= 0 && v->error_sum >= 0 && (v->planes_far | 1) == 1 &&
+                       (v->warned | 1) == 1 && (v->only_events | 1) == 1,
                    "the verification of steps");
 }
 
@@ -423,9 +441,12 @@ void ms_step_verification_archive_island(ms_archive *b, ms_island_verification *
   MS_ARCHIVE_TRANSFER(b, check->verify_next);
   MS_ARCHIVE_TRANSFER(b, check->needs_doubles);
   MS_ARCHIVE_TRANSFER(b, check->substep);
+  MS_ARCHIVE_TRANSFER(b, check->error_sum);
+  ms_archive_transfer_count(b, &check->verified);
   ms_archive_check(b,
                    isfinite(check->indicator[0]) && isfinite(check->indicator[1]) &&
                        (check->verify_next | 1) == 1 && (check->needs_doubles | 1) == 1 &&
-                       isfinite(check->substep) && check->substep >= 0,
+                       isfinite(check->substep) && check->substep >= 0 &&
+                       isfinite(check->error_sum) && check->error_sum >= 0,
                    "the verification of steps");
 }

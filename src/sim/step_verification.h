@@ -28,6 +28,11 @@
  * error that tol allows, or 1/16 of the allowed difference if that is more. So the grid of steps,
  * and of frames, stays.
  *
+ * Errors of steps that stay below what is allowed may still add up to more than tol. Under methods
+ * of order 2 the differences of verified steps are added up, each for the steps since the one
+ * before. Once their sum exceeds that which leads to tol, an island makes its steps in two parts,
+ * beyond twice that in four.
+ *
  * Steps with floats (choose/precision_choice.h) have no D, as their rounding is larger, and no
  * substeps under error control: if half steps are not accurate enough, these replace the step all
  * the same, and the run continues with doubles.
@@ -57,6 +62,8 @@ typedef struct ms_island_verification {
   double indicator[2]; /* the largest indicators in steps verified */
   int verify_next; /* 1: the last step verified was too inaccurate: the next one is verified, too */
   int needs_doubles; /* 1: a step with floats was too inaccurate for its half steps to suffice */
+  double error_sum;  /* sum of the differences of all steps from half steps, by those verified */
+  int64_t verified;  /* the last step that was verified */
   double substep;    /* s: length of substeps under error control; 0: steps are whole */
   double *x, *v;     /* copy of the state at the start of a step; NULL: nothing is verified */
 } ms_island_verification;
@@ -65,6 +72,7 @@ typedef struct ms_island_verification {
 typedef struct ms_step_verification {
   ms_scales scales;    /* of the scene */
   double allowed;      /* difference from half steps that is allowed; 0: steps are not verified */
+  double error_sum;    /* of an island that leads to tol at the end of the run; 0: any is allowed */
   int only_events;     /* 1: steps are verified for their events alone */
   double indicator[2]; /* indicators of steps at the choice */
   double energy;       /* J, at the start of the run with this method */
