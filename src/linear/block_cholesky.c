@@ -121,7 +121,6 @@ static void write_pattern(const elimination_graph *e, ms_block_cholesky *chol) {
 static int allocate_factor(const msim_allocator *alloc, int64_t blocks, ms_block_cholesky *chol) {
   const size_t n = (size_t)chol->n, area = (size_t)chol->block * (size_t)chol->block;
   return MS_NEW(alloc, chol->first, n + 1) && MS_NEW(alloc, chol->row, blocks) &&
-         MS_NEW(alloc, chol->value, area * (size_t)blocks) &&
          MS_NEW(alloc, chol->factor, area * (size_t)blocks) &&
          MS_NEW(alloc, chol->packed, n * (size_t)chol->block);
 }
@@ -144,7 +143,7 @@ msim_status ms_block_cholesky_create(const msim_allocator *alloc, const ms_spars
 }
 
 void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol) {
-  MS_FREE(alloc, chol->position, chol->first, chol->row, chol->value, chol->factor, chol->packed);
+  MS_FREE(alloc, chol->position, chol->first, chol->row, chol->factor, chol->packed);
   *chol = (ms_block_cholesky){0};
 }
 

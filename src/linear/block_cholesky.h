@@ -16,9 +16,10 @@ typedef struct ms_block_cholesky {
   int32_t *position; /* n: position of each block row in the elimination order */
   int32_t *first;    /* n + 1: the first block of each column, by position */
   int32_t *row;      /* first[n]: block rows, by position, ascending; the diagonal block is first */
-  double *value;     /* block^2 first[n]: A, then L; each block by columns. Solves do not use it. */
-  float *factor;     /* L rounded, with inverted diagonal blocks; the same layout */
-  double *packed;    /* block n: a vector in the elimination order */
+  double *value;  /* block^2 first[n], the caller's, who sets it: A, then L; each block by columns.
+                        Solves do not use it. */
+  float *factor;  /* L rounded, with inverted diagonal blocks; the same layout */
+  double *packed; /* block n: a vector in the elimination order */
   const struct ms_block_kernels *kernels;
 } ms_block_cholesky;
 
@@ -28,7 +29,7 @@ msim_status ms_block_cholesky_create(const msim_allocator *alloc, const ms_spars
                                      msim_error *err);
 void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol);
 
-/* The length of `value`; 0 before creation */
+/* The length of `value` and `factor`; 0 before creation */
 static inline size_t ms_block_cholesky_size(const ms_block_cholesky *chol) {
   return chol->first ? (size_t)(chol->block * chol->block) * (size_t)chol->first[chol->n] : 0;
 }

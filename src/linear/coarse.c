@@ -50,6 +50,19 @@ static void list_graph(const ms_model *model, const ms_aggregates *a, int32_t *m
   }
 }
 
+static msim_status allocate_values(const ms_model *model, ms_coarse *coarse, msim_error *err) {
+  const size_t vectors = 4 * (size_t)model->unknowns.dims * (size_t)model->unknowns.stride;
+  const size_t cycle = ms_coarse_cycle_size(&coarse->cycle);
+  ms_block_cholesky *chol = cycle ? &coarse->cycle.chol : &coarse->chol;
+  const size_t all = cycle + ms_block_cholesky_size(chol);
+  coarse->value_size = all > vectors ? all : vectors;
+  if (!MS_NEW(&model->scene->alloc, coarse->value, coarse->value_size))
+    return ms_error_set_memory(err, "the coarse matrix");
+  coarse->cycle.value = coarse->value;
+  chol->value = coarse->value + cycle;
+  return MSIM_OK;
+}
+
 static msim_status analyse(const ms_model *model, int32_t cluster, ms_coarse *coarse,
                            msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
@@ -69,12 +82,11 @@ static msim_status analyse(const ms_model *model, int32_t cluster, ms_coarse *co
   else
     status = ms_block_cholesky_create(alloc, &graph, MS_MODES * model->unknowns.dims, model->isa,
                                       &coarse->chol, err);
-  coarse->value = cluster ? coarse->cycle.value : coarse->chol.value;
   coarse->position = cluster ? coarse->cycle.position : coarse->chol.position;
   if (!status && model->rank_model)
     status = ms_coarse_overlap_create(coarse, &graph, &coarse->overlap, err);
   MS_FREE(alloc, graph.ptr, graph.ind, mark, list);
-  return status;
+  return status ? status : allocate_values(model, coarse, err);
 }
 
 /* Write the blocks of aggregate k from `to` on; NULL: count them only. Returns their number. */
@@ -133,8 +145,8 @@ void ms_coarse_destroy(ms_coarse *coarse) {
   ms_block_cholesky_destroy(alloc, &coarse->chol);
   ms_coarse_cycle_destroy(alloc, &coarse->cycle);
   ms_coarse_overlap_destroy(alloc, coarse->overlap);
-  MS_FREE(alloc, coarse->first_block, coarse->block, coarse->diagonal, coarse->r, coarse->z,
-          coarse->modes, coarse->constrained);
+  MS_FREE(alloc, coarse->value, coarse->first_block, coarse->block, coarse->diagonal, coarse->r,
+          coarse->z, coarse->modes, coarse->constrained);
   *coarse = (ms_coarse){0};
 }
 
@@ -205,7 +217,7 @@ static void add_constrained_inertia(ms_coarse *coarse, const double *inertia) {
 
 msim_status ms_coarse_factor(ms_coarse *coarse, const ms_coarse_matrix *a) {
   coarse->drops_negative_t = a->braced || coarse->cycle.n;
-  memset(coarse->value, 0, ms_coarse_value_size(coarse) * sizeof *coarse->value);
+  memset(coarse->value, 0, coarse->value_size * sizeof *coarse->value);
   coarse_run(assemble_chunk, &(coarse_job){.coarse = coarse, .a = a});
   add_constrained_inertia(coarse, a->inertia);
   if (coarse->overlap) ms_coarse_overlap_factor(coarse);

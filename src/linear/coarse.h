@@ -19,7 +19,9 @@ typedef struct ms_coarse {
   ms_restriction restriction;
   ms_block_cholesky chol; /* of P^T A P; n = 0: there is a cycle */
   ms_coarse_cycle cycle;  /* n = 0: there is a factor */
-  double *value;          /* P^T A P, where chol or cycle takes it from */
+  double *value;          /* P^T A P, where chol or cycle takes it from: used by ms_coarse_factor()
+                             alone, and as long as 4 vectors at least, which ms_pcg has in it */
+  size_t value_size;      /* its length */
   int32_t *position;      /* aggregates.n: owners of blocks as in block_cholesky.h */
   int32_t *first_block;   /* aggregates.n + 1: the range of each aggregate in `block` */
   int32_t *block; /* the off-diagonal blocks to which half-edges of the aggregate contribute, in the
@@ -46,11 +48,6 @@ static inline int ms_coarse_owns_block(const ms_coarse *coarse, int32_t own, int
 static inline int32_t ms_coarse_find(const ms_coarse *coarse, int32_t i, int32_t j) {
   return coarse->cycle.n ? ms_coarse_cycle_find(&coarse->cycle, i, j)
                          : ms_block_cholesky_find(&coarse->chol, i, j);
-}
-
-/* The length of `value`, which is used by ms_coarse_factor() alone */
-static inline size_t ms_coarse_value_size(const ms_coarse *coarse) {
-  return coarse->cycle.n ? coarse->cycle.value_size : ms_block_cholesky_size(&coarse->chol);
 }
 
 msim_status ms_coarse_create(const ms_model *model, ms_coarse_size size, ms_coarse *coarse,

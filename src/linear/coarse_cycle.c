@@ -107,14 +107,10 @@ static msim_status analyse_clusters(const ms_model *model, const ms_sparse_graph
 
 /*------------------------------------- creation and destruction ---------------------------------*/
 
-static int allocate_values(const ms_model *model, int32_t clusters, ms_coarse_cycle *s) {
-  const msim_allocator *alloc = &model->scene->alloc;
+static int allocate_values(const msim_allocator *alloc, int32_t clusters, ms_coarse_cycle *s) {
   const size_t n = (size_t)s->n, block = (size_t)s->block, area = block * block;
   const size_t links = (size_t)s->first[n];
-  const size_t vectors = 4 * (size_t)model->unknowns.dims * (size_t)model->unknowns.stride;
-  s->value_size = area * (n + links) > vectors ? area * (n + links) : vectors;
-  return MS_NEW(alloc, s->modes, MS_MODES * MS_MODES * n) &&
-         MS_NEW(alloc, s->value, s->value_size) && MS_NEW(alloc, s->inverse, area * n) &&
+  return MS_NEW(alloc, s->modes, MS_MODES * MS_MODES * n) && MS_NEW(alloc, s->inverse, area * n) &&
          MS_NEW(alloc, s->link, area * links) && MS_NEW(alloc, s->prolongation, area * n) &&
          MS_NEW(alloc, s->r, block * n) && MS_NEW(alloc, s->z, block * n) &&
          MS_NEW(alloc, s->c, block * (size_t)clusters);
@@ -128,7 +124,7 @@ msim_status ms_coarse_cycle_create(const ms_model *model, const ms_aggregates *a
                          .block = MS_MODES * model->unknowns.dims,
                          .kernels = ms_coarse_cycle_kernels_of[model->isa]};
   const int32_t clusters = group_aggregates(alloc, graph, size, s);
-  if (clusters < 0 || !list_links(alloc, graph, s) || !allocate_values(model, clusters, s))
+  if (clusters < 0 || !list_links(alloc, graph, s) || !allocate_values(alloc, clusters, s))
     return ms_error_set_memory(err, "the coarse matrix");
   const msim_status status =
       ms_cluster_modes_compute(model, aggregates, s->cluster, clusters, &s->members, s->modes, err);
@@ -139,8 +135,8 @@ void ms_coarse_cycle_destroy(const msim_allocator *alloc, ms_coarse_cycle *s) {
   ms_buckets_destroy(alloc, &s->above);
   ms_buckets_destroy(alloc, &s->members);
   ms_block_cholesky_destroy(alloc, &s->chol);
-  MS_FREE(alloc, s->position, s->first, s->row, s->column, s->value, s->inverse, s->link,
-          s->prolongation, s->cluster, s->modes, s->r, s->z, s->c);
+  MS_FREE(alloc, s->position, s->first, s->row, s->column, s->inverse, s->link, s->prolongation,
+          s->cluster, s->modes, s->r, s->z, s->c);
   *s = (ms_coarse_cycle){0};
 }
 
@@ -215,7 +211,6 @@ static void scale_links_chunk(void *data, int32_t begin, int32_t end) {
 
 msim_status ms_coarse_cycle_factor(ms_coarse_cycle *s, ms_pool *pool) {
   cycle_job j = {.s = s};
-  memset(s->chol.value, 0, ms_block_cholesky_size(&s->chol) * sizeof *s->chol.value);
   ms_pool_run_chunks(pool, add_products_chunk, &j, s->chol.n, CHUNK);
   ms_pool_run_chunks(pool, factor_diagonal_chunk, &j, s->n, CHUNK);
   if (!is_definite(s)) return MSIM_NOT_SPD;

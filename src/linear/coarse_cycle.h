@@ -30,8 +30,8 @@ typedef struct ms_coarse_cycle {
   int32_t *row;        /* first[n]: links (row, column), column < row, by row, ascending */
   int32_t *column;     /* first[n] */
   ms_buckets above;    /* the links of each column */
-  double *value;       /* block^2 (n + first[n]): A, the diagonal blocks first; by columns */
-  size_t value_size;   /* its length, of 4 vectors of the model at least: ms_pcg uses it for them */
+  double *value;       /* ms_coarse_cycle_size(), the caller's, who sets it: A, the diagonal blocks
+                          first, by columns; then chol.value */
   float *inverse;      /* block^2 n: L^-1 */
   int16_t *link;       /* block^2 first[n]: N^T of each link, in units of 1 / INT16_MAX; columns in
                          pairs, interleaved by 4 rows */
@@ -50,12 +50,19 @@ msim_status ms_coarse_cycle_create(const ms_model *model, const ms_aggregates *a
                                    ms_coarse_cycle *cycle, msim_error *err);
 void ms_coarse_cycle_destroy(const msim_allocator *alloc, ms_coarse_cycle *cycle);
 
+/* The length of `value` up to chol.value, block^2 (n + first[n]); 0 before creation */
+static inline size_t ms_coarse_cycle_size(const ms_coarse_cycle *cycle) {
+  return cycle->first ? (size_t)(cycle->block * cycle->block) *
+                            ((size_t)cycle->n + (size_t)cycle->first[cycle->n])
+                      : 0;
+}
+
 /* The index in `value` of the block of aggregates i and j, position[i] >= position[j]; -1: not in
  * the pattern */
 int32_t ms_coarse_cycle_find(const ms_coarse_cycle *cycle, int32_t i, int32_t j);
 
-/* Prepare cycles with A, given in `value`, whose content is lost. MSIM_NOT_SPD: A is not positive
- * definite. */
+/* Prepare cycles with A, given in `value`, whose content is lost; chol.value is 0. MSIM_NOT_SPD: A
+ * is not positive definite. */
 msim_status ms_coarse_cycle_factor(ms_coarse_cycle *cycle, ms_pool *pool);
 
 /* z, approximately A^-1 r; each has `block` scalars per aggregate. */

@@ -41,12 +41,15 @@ msim_status ms_coarse_overlap_create(const ms_coarse *coarse, const ms_sparse_gr
   const ms_sparse_graph one = {.n = 1, .ptr = (int32_t[]){0, 0}};
   struct ms_coarse_overlap *q = *overlap = ms_memory_allocate(alloc, 1, sizeof *q);
   if (!q || !MS_NEW(alloc, q->motions, MS_MODES * (size_t)graph->n) ||
-      !MS_NEW(alloc, q->links, graph->ptr[graph->n]) || !MS_NEW(alloc, q->matrix, n * n) ||
+      !MS_NEW(alloc, q->links, graph->ptr[graph->n]) || !MS_NEW(alloc, q->matrix, 2 * n * n) ||
       !MS_NEW(alloc, q->b, n))
     return ms_error_set_memory(err, WHAT);
   find_motions(coarse, q);
   list_links(coarse, graph, q);
-  return ms_block_cholesky_create(alloc, &one, (int32_t)n, coarse->model->isa, &q->chol, err);
+  msim_status status =
+      ms_block_cholesky_create(alloc, &one, (int32_t)n, coarse->model->isa, &q->chol, err);
+  q->chol.value = q->matrix + n * n;
+  return status;
 }
 
 void ms_coarse_overlap_destroy(const msim_allocator *alloc, struct ms_coarse_overlap *q) {

@@ -18,7 +18,7 @@ struct ms_coarse_overlap {
   double (*motions)[MS_MODES]; /* 4 aggregates.n: R, of each mode; alike in each component */
   int32_t nlinks;
   int32_t (*links)[3]; /* pairs of aggregates that springs connect, and their blocks in `value` */
-  double *matrix;      /* R^T A R, by columns */
+  double *matrix;      /* R^T A R, by columns; then chol.value */
   ms_block_cholesky chol; /* its factor, one block */
   int is_factored;
   double *b; /* R^T r, by component */

@@ -419,14 +419,13 @@ static msim_status pcg_connect(ms_linear *base, msim_error *err) {
 }
 
 /* The vectors of iterations, whose content factor() may overwrite. They lie in the memory in which
- * the coarse matrix is factored, if that is large enough. The inverse blocks in double precision,
- * which only factor() uses, lie in the last ones, as long as two vectors of doubles. */
+ * the coarse matrix is factored, if there is one. Before that factor() uses the last ones, as long
+ * as two vectors of doubles, for the inverse blocks in double precision. */
 static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   const ms_model *model = s->base.system->model;
   const size_t n = vector_length(model);
   double *room = s->coarse.value;
-  if (ms_coarse_value_size(&s->coarse) < 4 * n)
-    room = MS_NEW(&model->scene->alloc, s->vectors, 4 * n);
+  if (!room) room = MS_NEW(&model->scene->alloc, s->vectors, 4 * n);
   if (!room) return ms_error_set_memory(err, "conjugate gradients");
   s->r = room;
   for (size_t i = 0; i < 3; i++) s->base.work[i] = room + (i + 1) * n;

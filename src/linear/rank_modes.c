@@ -109,6 +109,7 @@ static int create_matrix(const ms_sparse_graph *graph, ms_rank_modes *q) {
                own = 1 + (size_t)q->model->rank_model->halo->n;
   const int fits =
       !ms_block_cholesky_create(alloc, graph, (int32_t)block, q->model->isa, &q->chol, NULL) &&
+      MS_NEW(alloc, q->chol.value, ms_block_cholesky_size(&q->chol)) &&
       MS_NEW(alloc, q->index, n) && MS_NEW(alloc, q->place, blocks) &&
       MS_NEW(alloc, q->own, own * block * block) && MS_NEW(alloc, q->all, blocks * block * block) &&
       MS_NEW(alloc, q->message, PRODUCTS + block) &&
@@ -165,9 +166,10 @@ msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model,
 
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *q) {
   if (!q) return;
+  MS_FREE(alloc, q->chol.value, q->rank, q->weight, q->border, q->index, q->own, q->all, q->bytes,
+          q->place, q->message, q->messages, q->z, q->inverse);
   ms_block_cholesky_destroy(alloc, &q->chol);
-  MS_FREE(alloc, q->rank, q->weight, q->border, q->index, q->own, q->all, q->bytes, q->place,
-          q->message, q->messages, q->z, q->inverse, q);
+  ms_memory_free(alloc, q);
 }
 
 /*------------------------------------- the matrix -----------------------------------------------*/
