@@ -169,7 +169,7 @@ static void multiply(msim_sim *sim, const double *v, double *u) {
       u[c * stride + r] = pcg->jacobi.scale * pcg->inertia[r] * v[c * stride + r];
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       const float *a = pcg->coefficients + 4 * MS_SLICE * (at / MS_SLICE) + at % MS_SLICE;
-      const size_t j = (size_t)model->half_edges.neighbour[at];
+      const size_t j = (size_t)ms_half_edges_neighbour(&model->half_edges, at);
       double along = 0;
       for (size_t c = 0; c < dims; c++)
         along += (double)a[MS_SLICE * (c + 1)] * (v[c * stride + r] - v[c * stride + j]);
@@ -251,8 +251,10 @@ static double bound_errors(const msim_sim *sim, const double *v, int32_t r) {
   for (int32_t at = span.begin; at < span.end; at += span.step, n++) {
     double dd = 0, ww = 0;
     for (int32_t c = 0; c < sim->islands->model.unknowns.dims; c++) {
-      dd += pow(v[c * stride + r] - v[c * stride + half_edges->neighbour[at]], 2);
-      ww += a->g[at] * pow(a->x[c * stride + r] - a->x[c * stride + half_edges->neighbour[at]], 2);
+      dd += pow(v[c * stride + r] - v[c * stride + ms_half_edges_neighbour(half_edges, at)], 2);
+      ww +=
+          a->g[at] *
+          pow(a->x[c * stride + r] - a->x[c * stride + ms_half_edges_neighbour(half_edges, at)], 2);
     }
     sum += (a->t[at] + ww) * sqrt(dd);
   }

@@ -121,7 +121,7 @@ static dense triple_product(const msim_sim *sim) {
             pcg->inertia[r] * mode_at(coarse, own * block + i, r) *
             mode_at(coarse, own * block + i / 4 * 4 + q, r);
     for (int32_t at = span.begin; at < span.end && own >= 0; at += span.step) {
-      const int32_t s = edges->neighbour[at];
+      const int32_t s = ms_half_edges_neighbour(edges, at);
       const int32_t other = ms_aggregates_find(coarse->model, &coarse->aggregates, s);
       const float *t = pcg->coefficients + 32 * (at / 8) + at % 8;
       if (edges->spring[at] < 0) continue;

@@ -32,7 +32,7 @@ static int32_t check_row(const layout *l, int32_t row, int *seen) {
   const ms_half_edge_span span = ms_half_edges_of_row(h, row);
   int32_t count = 0, last = -1;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t e = h->spring[at], neighbour = h->neighbour[at];
+    const int32_t e = h->spring[at], neighbour = ms_half_edges_neighbour(h, at);
     if (e < 0) continue;
     const int second = l->springs.j[e] == row;
     assert_int_equal(second ? l->springs.j[e] : l->springs.i[e], row);
@@ -49,7 +49,7 @@ static int32_t check_row(const layout *l, int32_t row, int *seen) {
  * parts, padding exerts no force. Returns the number of half-edges. */
 static int32_t check_entries(const layout *l) {
   const ms_half_edges *h = &l->half_edges;
-  int32_t count = 0;
+  int32_t count = 0, scattered = 0;
   assert_int_equal(h->first[0], 0);
   assert_int_equal(h->first[h->nslices + h->nparts], h->nentries);
   for (int32_t p = 0; p < h->nparts; p++) {
@@ -59,12 +59,13 @@ static int32_t check_entries(const layout *l) {
   }
   for (int32_t at = 0; at < MS_SLICE * h->nentries; at++) {
     const int32_t start = h->entry[at / MS_SLICE].start;
-    assert_in_range(h->neighbour[at], 0, l->rows.stride - 1);
-    if (start >= 0) assert_int_equal(h->neighbour[at], start + at % MS_SLICE);
+    assert_in_range(ms_half_edges_neighbour(h, at), 0, l->rows.stride - 1);
+    if (start < 0) assert_int_equal(~start, at % MS_SLICE ? scattered - 1 : scattered++);
     const size_t value = ms_half_edges_value(h, at);
     if (h->spring[at] < 0) assert_true(h->k[value] == 0 && h->damping[value] == 0);
     count += h->spring[at] >= 0;
   }
+  assert_int_equal(scattered, h->nscattered);
   return count;
 }
 

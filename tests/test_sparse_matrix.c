@@ -96,7 +96,7 @@ static void add_to_block(const problem *p, int32_t r, int32_t c, double sign, do
 
 /* block (r, j) -= g d d^T, and then t I */
 static void subtract_half_edge(const problem *p, int32_t r, int32_t at) {
-  const int32_t j = p->model.half_edges.neighbour[at], size = p->a.block;
+  const int32_t j = ms_half_edges_neighbour(&p->model.half_edges, at), size = p->a.block;
   const size_t stride = (size_t)p->model.unknowns.stride;
   double d[3] = {0};
   for (int32_t c = 0; c < size && size > 1; c++)
@@ -142,7 +142,7 @@ static void expect_matrix(const problem *p) {
         if (pass == 0) subtract_half_edge(p, r, at);
         else if (ms_damping_derivative_block(&p->model, &p->damping, r, at, block)) {
           add_to_block(p, r, r, 1, block);
-          add_to_block(p, r, h->neighbour[at], -1, block);
+          add_to_block(p, r, ms_half_edges_neighbour(h, at), -1, block);
         }
       }
     }

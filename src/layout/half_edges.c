@@ -116,14 +116,6 @@ static void take_entry(lane_cursors *h, int aligned, const ms_half_edge *entry[M
 
 /*------------------------------------- all slice ranges -----------------------------------------*/
 
-static int32_t count_slice_entries(lane_cursors h) {
-  const int aligned = is_offset_order_worthwhile(h);
-  const ms_half_edge *entry[MS_SLICE];
-  int32_t n = 0;
-  for (; find_least_offset(&h) != 0; n++) take_entry(&h, aligned, entry);
-  return n;
-}
-
 /* The row at lane 0 if the neighbours are consecutive rows, empty lanes included; else -1. */
 static int32_t find_run_start(const ms_unknowns *rows, const ms_half_edge *const entry[MS_SLICE]) {
   int32_t start = -1;
@@ -136,13 +128,27 @@ static int32_t find_run_start(const ms_unknowns *rows, const ms_half_edge *const
   return start;
 }
 
+/* Returns the entries of a slice, and adds those whose neighbours are scattered to *scattered. */
+static int32_t count_slice_entries(const ms_unknowns *rows, lane_cursors h, int32_t *scattered) {
+  const int aligned = is_offset_order_worthwhile(h);
+  const ms_half_edge *entry[MS_SLICE];
+  int32_t n = 0;
+  for (; find_least_offset(&h) != 0; n++) {
+    take_entry(&h, aligned, entry);
+    *scattered += find_run_start(rows, entry) < 0;
+  }
+  return n;
+}
+
 /* Padding refers to an existing row: the one that continues the run, or else `row`. */
 static void write_lanes(const ms_unknowns *rows, int32_t row,
                         const ms_half_edge *const entry[MS_SLICE], int32_t s, ms_half_edges *out) {
-  out->entry[s].start = find_run_start(rows, entry);
+  const int32_t start = find_run_start(rows, entry);
+  out->entry[s].start = start >= 0 ? start : ~out->nscattered++;
   for (int32_t lane = 0; lane < MS_SLICE; lane++) {
-    const int32_t any = out->entry[s].start >= 0 ? out->entry[s].start + lane : row;
-    out->neighbour[MS_SLICE * s + lane] = entry[lane] ? entry[lane]->neighbour : any;
+    if (start < 0)
+      out->scattered[MS_SLICE * (out->nscattered - 1) + lane] =
+          entry[lane] ? entry[lane]->neighbour : row;
     out->spring[MS_SLICE * s + lane] = entry[lane] ? entry[lane]->spring : -1;
   }
 }
@@ -169,14 +175,14 @@ static void fill_split_row(const ms_adjacency *a, const ms_unknowns *rows, int32
   }
 }
 
-/* Number the entries of each slice range. Returns their number; beyond the limit of INT32_MAX / 8,
- * a number above it. */
+/* Number the entries of each slice range, and count those that may be scattered. Returns their
+ * number; beyond the limit of INT32_MAX / 8, a number above it. */
 static int64_t number_entries(const ms_adjacency *a, const ms_unknowns *rows, ms_half_edges *out) {
   const int64_t most = INT32_MAX / MS_SLICE;
   int64_t entries = 0;
   int32_t *end = out->first + 1;
   for (int32_t g = 0; g < out->nslices && entries <= most; g++) {
-    entries += count_slice_entries(begin_slice(a, out, rows->nfree, g));
+    entries += count_slice_entries(rows, begin_slice(a, out, rows->nfree, g), &out->nscattered);
     *end++ = (int32_t)entries;
   }
   for (int32_t p = 0; p < out->nparts && entries <= most; p++) {
@@ -185,6 +191,7 @@ static int64_t number_entries(const ms_adjacency *a, const ms_unknowns *rows, ms
                          MS_PART_ENTRIES * (p - out->first_part[row]);
     entries += left < MS_PART_ENTRIES ? left : MS_PART_ENTRIES;
     *end++ = (int32_t)entries;
+    out->nscattered += end[-1] - end[-2];
   }
   return entries;
 }
@@ -214,10 +221,11 @@ static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *r
 static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
                                 const ms_adjacency *a, ms_half_edges *out, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
-  const size_t entries = (size_t)out->nentries, lanes = MS_SLICE * entries;
-  if (!MS_NEW(alloc, out->entry, entries) || !MS_NEW(alloc, out->neighbour, lanes) ||
-      !MS_NEW(alloc, out->spring, lanes))
+  const size_t entries = (size_t)out->nentries;
+  if (!MS_NEW(alloc, out->entry, entries) || !MS_NEW(alloc, out->spring, MS_SLICE * entries) ||
+      !MS_NEW(alloc, out->scattered, MS_SLICE * (size_t)out->nscattered))
     return ms_error_set_memory(err, "the half-edges of the springs");
+  out->nscattered = 0;
   for (int32_t g = 0; g < out->nslices; g++) fill_slice(a, rows, g, out);
   for (int32_t r = 0; r < rows->nfree; r++)
     if (out->first_part[r] >= 0) fill_split_row(a, rows, r, out);
@@ -236,7 +244,7 @@ msim_status ms_half_edges_create(const ms_scene *scene, const ms_unknowns *rows,
 void ms_half_edges_destroy(const ms_scene *scene, ms_half_edges *half_edges) {
   ms_spring_values_destroy(scene, half_edges);
   MS_FREE(&scene->alloc, half_edges->first, half_edges->first_part, half_edges->part_row,
-          half_edges->part_sums, half_edges->entry, half_edges->neighbour, half_edges->spring);
+          half_edges->part_sums, half_edges->entry, half_edges->scattered, half_edges->spring);
   *half_edges = (ms_half_edges){0};
 }
 

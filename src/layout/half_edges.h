@@ -21,7 +21,8 @@
 enum { MS_PART_ENTRIES = 256 };
 
 typedef struct ms_half_edge_entry {
-  int32_t start; /* the neighbour of lane l is row start + l; -1: see ms_half_edges.neighbour */
+  int32_t start; /* the neighbour of lane l is row start + l; where neighbours are scattered, ~start
+                    numbers such entries */
   int32_t value; /* the index of lane 0 in k, rest, damping and stiffness (spring_values.h) */
 } ms_half_edge_entry;
 
@@ -29,12 +30,13 @@ typedef struct ms_half_edges {
   int32_t nslices;     /* slices of unknowns: first_pinned / 8 */
   int32_t nparts;      /* of split rows */
   int32_t nentries;    /* entries of 8 half-edges each */
+  int32_t nscattered;  /* of these, those whose neighbours are scattered */
   int32_t *first;      /* nslices + nparts + 1: the first entry of each slice range */
   int32_t *first_part; /* first_pinned: the first part of a split row; -1: the row is not split */
   int32_t *part_row;   /* nparts: the row of each part */
   double *part_sums;   /* 6 x 8 nparts: up to 6 sums per lane, component by component; scratch */
   ms_half_edge_entry *entry;  /* nentries */
-  int32_t *neighbour;         /* 8 nentries: the row at the other end; padding: any row */
+  int32_t *scattered;         /* 8 nscattered, at least: their neighbours; padding: any row */
   int32_t *spring;            /* 8 nentries: index in ms_springs; padding: -1 */
   double *k, *rest, *damping; /* nvalues; padding: 0; k: 0 of springs with a law */
   double *stiffness;          /* nvalues: as k, but |df/de| at most of springs with a law */
@@ -68,6 +70,17 @@ static inline ms_half_edge_span ms_half_edges_of_row(const ms_half_edges *h, int
   while (last < h->nparts && h->part_row[last] == row) last++;
   return (ms_half_edge_span){MS_SLICE * h->first[h->nslices + part],
                              MS_SLICE * h->first[h->nslices + last], 1};
+}
+
+/* The neighbours in an entry where they are scattered */
+static inline const int32_t *ms_half_edges_scattered(const ms_half_edges *h, int32_t start) {
+  return h->scattered + MS_SLICE * (size_t)~start;
+}
+
+/* The row at the other end of a half-edge; padding: any row */
+static inline int32_t ms_half_edges_neighbour(const ms_half_edges *h, int32_t half_edge) {
+  const int32_t start = h->entry[half_edge / MS_SLICE].start, lane = half_edge % MS_SLICE;
+  return start >= 0 ? start + lane : ms_half_edges_scattered(h, start)[lane];
 }
 
 /* The index of a half-edge in k, rest, damping and stiffness */

@@ -28,7 +28,7 @@ static void add_springs(cluster_job *j, int32_t r, int32_t n) {
   const int32_t k = j->a->of[r], row = MS_MODES * j->local[k];
   const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t neighbour = half_edges->neighbour[at];
+    const int32_t neighbour = ms_half_edges_neighbour(half_edges, at);
     const int32_t other = ms_aggregates_find(j->model, j->a, neighbour);
     if (half_edges->spring[at] < 0 || other < 0 || j->of[other] != j->of[k]) continue;
     const double stiffness =

@@ -20,7 +20,7 @@ static int32_t *list_links(const ms_model *model, const ms_aggregates *a, int32_
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, a->unknown[i]);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       if (half_edges->spring[at] < 0) continue;
-      const int32_t other = ms_aggregates_find(model, a, half_edges->neighbour[at]);
+      const int32_t other = ms_aggregates_find(model, a, ms_half_edges_neighbour(half_edges, at));
       if (other >= 0 && mark[other] != k) mark[other] = k, *next++ = other;
     }
   }
@@ -97,7 +97,8 @@ static int32_t list_blocks(const ms_coarse *coarse, int32_t k, int32_t *to) {
   for (int32_t i = a->first[k]; i < a->first[k + 1]; i++) {
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, a->unknown[i]);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t other = ms_aggregates_find(coarse->model, a, half_edges->neighbour[at]);
+      const int32_t other =
+          ms_aggregates_find(coarse->model, a, ms_half_edges_neighbour(half_edges, at));
       if (half_edges->spring[at] < 0 || !ms_coarse_owns_block(coarse, k, other)) continue;
       if (to) to[n] = ms_coarse_find(coarse, k, other);
       n++;

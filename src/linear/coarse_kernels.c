@@ -43,7 +43,7 @@ MS_INLINE const int32_t *assemble_unknown(size_t dims, ms_coarse *coarse, const 
   for (size_t q = 0; q < 6; q++) sum[q] = q < dims ? own * inertia[row] : (ms_quad){0};
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t j = model->half_edges.neighbour[at];
+    const int32_t j = ms_half_edges_neighbour(&model->half_edges, at);
     if (model->half_edges.spring[at] < 0) continue;
     double K[6];
     spring_block(dims, coefficients, at, coarse->drops_negative_t, K);

@@ -72,7 +72,8 @@ static void find_contributions(const compression_job *j, int32_t range, int32_t 
   for (size_t lane = 0; lane < MS_SLICE; lane++) {
     const size_t row =
         long_part < 0 ? MS_SLICE * (size_t)range + lane : (size_t)half_edges->part_row[long_part];
-    const size_t other = (size_t)half_edges->neighbour[MS_SLICE * (size_t)entry + lane];
+    const size_t other =
+        (size_t)ms_half_edges_neighbour(half_edges, MS_SLICE * entry + (int32_t)lane);
     double sum = 0;
     for (size_t c = 0; c < (size_t)model->unknowns.dims; c++) {
       const double d = j->p[c * stride + row] - j->p[c * stride + other];

@@ -53,10 +53,11 @@ static void list_border(ms_rank_modes *q) {
     const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, r);
     int joins = 0;
     q->rank[r] = model->shape.ranks->rank;
-    for (int32_t at = span.begin; at < span.end && !joins; at += span.step)
-      joins = model->half_edges.spring[at] >= 0 &&
-              model->half_edges.neighbour[at] >= model->unknowns.first_pinned &&
-              model->half_edges.neighbour[at] < model->unknowns.first_fixed;
+    for (int32_t at = span.begin; at < span.end && !joins; at += span.step) {
+      const int32_t neighbour = ms_half_edges_neighbour(&model->half_edges, at);
+      joins = model->half_edges.spring[at] >= 0 && neighbour >= model->unknowns.first_pinned &&
+              neighbour < model->unknowns.first_fixed;
+    }
     if (joins) q->border[q->nborder++] = r;
   }
 }

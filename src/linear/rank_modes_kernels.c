@@ -24,7 +24,7 @@ static void get_diagonal_block(const ms_model *model, const ms_coefficients *a, 
 MS_INLINE void get_spring_block(size_t dims, const ms_model *model, const ms_coefficients *a,
                                 double by, int32_t i, int32_t at, double block[3][3]) {
   const size_t stride = (size_t)model->unknowns.stride;
-  const size_t j = (size_t)model->half_edges.neighbour[at];
+  const size_t j = (size_t)ms_half_edges_neighbour(&model->half_edges, at);
   const int is_scalar = a->block == 1;
   const double t = -by * a->t[at], g = is_scalar ? 0 : -by * a->g[at];
   double d[3];
@@ -63,7 +63,7 @@ MS_INLINE void add_row(size_t dims, int with_own, ms_rank_modes *q, const ms_coe
   double block[3][3] = {{0}};
   ms_quad sum[3][3] = {{{0}}};
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t j = model->half_edges.neighbour[at];
+    const int32_t j = ms_half_edges_neighbour(&model->half_edges, at);
     const int is_own = j < model->unknowns.nfree;
     if (model->half_edges.spring[at] < 0 || j >= model->unknowns.first_fixed) continue;
     if (is_own && !with_own) continue;

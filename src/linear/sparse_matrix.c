@@ -51,7 +51,7 @@ msim_status ms_sparse_matrix_create_graph(const ms_model *model, ms_sparse_graph
     const ms_half_edge_span span = ms_half_edges_of_row(half_edges, r);
     int32_t to = graph->ptr[r], last = -1;
     for (int32_t at = span.begin; at < span.end; at += span.step) {
-      const int32_t j = column_of(&model->unknowns, half_edges->neighbour[at]);
+      const int32_t j = column_of(&model->unknowns, ms_half_edges_neighbour(half_edges, at));
       if (half_edges->spring[at] < 0 || j < 0 || j == last) continue;
       graph->ind[to++] = last = j;
     }
@@ -110,7 +110,7 @@ static int32_t find_block_offset(const ms_sparse_matrix *m, int32_t row, int32_t
 /* 1 if the block of this half-edge is stored. UPPER stores that of the end that comes first. */
 static int is_stored(const ms_model *model, const int32_t *position, const ms_sparse_matrix *m,
                      int32_t r, int32_t at) {
-  const int32_t j = column_of(&model->unknowns, model->half_edges.neighbour[at]);
+  const int32_t j = column_of(&model->unknowns, ms_half_edges_neighbour(&model->half_edges, at));
   return model->half_edges.spring[at] >= 0 && j >= 0 &&
          (m->format == MSIM_FORMAT_FULL || position[r] < position[j]);
 }
@@ -126,9 +126,11 @@ static void find_block_offsets(const ms_model *model, const int32_t *position,
     const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, r);
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       if (!is_stored(model, position, m, r, at)) continue;
-      const int32_t column = position[column_of(&model->unknowns, model->half_edges.neighbour[at])];
-      m->entry[m->first[r + 1]++] = (struct ms_sparse_entry){
-          at, model->half_edges.neighbour[at], find_block_offset(m, position[r], column)};
+      const int32_t column =
+          position[column_of(&model->unknowns, ms_half_edges_neighbour(&model->half_edges, at))];
+      m->entry[m->first[r + 1]++] =
+          (struct ms_sparse_entry){at, ms_half_edges_neighbour(&model->half_edges, at),
+                                   find_block_offset(m, position[r], column)};
     }
   }
 }

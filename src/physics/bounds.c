@@ -189,7 +189,7 @@ static double sum_row(const ms_model *model, const double *weight, int32_t row) 
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   double sum = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step)
-    sum += (model->half_edges.neighbour[at] < model->unknowns.first_fixed ? 2 : 1) *
+    sum += (ms_half_edges_neighbour(&model->half_edges, at) < model->unknowns.first_fixed ? 2 : 1) *
            weight[ms_half_edges_value(&model->half_edges, at)];
   return sum;
 }

@@ -186,7 +186,7 @@ static void apply_abs_row(const ms_model *model, const ms_coefficients *a, const
   }
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, (int32_t)row);
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const size_t j = (size_t)model->half_edges.neighbour[at];
+    const size_t j = (size_t)ms_half_edges_neighbour(&model->half_edges, at);
     double d[3] = {0}, along = 0;
     for (size_t c = 0; c < dims && !is_scalar; c++) {
       d[c] = fabs(a->x[c * stride + j] - a->x[c * stride + row]);

@@ -16,7 +16,7 @@ static double dot_dims(int32_t dims, const double a[3], const double b[3]) {
 
 int ms_damping_derivative_block(const ms_model *model, const ms_damping_derivative *t, int32_t i,
                                 int32_t half, double block[3][3]) {
-  const int32_t dims = model->unknowns.dims, j = model->half_edges.neighbour[half];
+  const int32_t dims = model->unknowns.dims, j = ms_half_edges_neighbour(&model->half_edges, half);
   const double damping = model->half_edges.damping[ms_half_edges_value(&model->half_edges, half)];
   double d[3], w[3];
   if (damping == 0) return 0;
@@ -47,7 +47,7 @@ static inline void apply_damping_row(const ms_model *model, const ms_damping_der
     if (damping == 0) continue;
     for (int32_t c = 0; c < dims; c++) {
       const size_t own = (size_t)c * stride + (size_t)i,
-                   other = (size_t)c * stride + (size_t)half_edges->neighbour[at];
+                   other = (size_t)c * stride + (size_t)ms_half_edges_neighbour(half_edges, at);
       const double w = t->v[other] - t->v[own];
       d[c] = t->x[other] - t->x[own], along[c] = z[other] - z[own];
       l2 += d[c] * d[c], rate += d[c] * w, d_z += d[c] * along[c], w_z += w * along[c];

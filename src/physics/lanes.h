@@ -54,7 +54,7 @@ MS_INLINE ms_lane_vectors ms_load_neighbours(int dims, const ms_half_edges *half
                                              size_t stride) {
   const int32_t start = half_edges->entry[entry].start;
   if (start >= 0) return ms_load_vec(dims, x + (size_t)start + lane, stride);
-  const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;
+  const int32_t *j = ms_half_edges_scattered(half_edges, start) + lane;
   ms_lane_vectors v = {{{0}}};
   for (int c = 0; c < dims; c++) v.c[c] = ms_simd_gather(x + (size_t)c * stride, j);
   return v;
@@ -68,7 +68,7 @@ MS_INLINE ms_lane_vectors ms_subtract_neighbours(int dims, const ms_half_edges *
   const int32_t start = half_edges->entry[entry].start;
   if (start >= 0)
     return ms_subtract_vec(dims, own, ms_load_vec(dims, x + (size_t)start + lane, stride));
-  const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;
+  const int32_t *j = ms_half_edges_scattered(half_edges, start) + lane;
   for (int c = 0; c < dims; c++) own.c[c] -= ms_simd_gather(x + (size_t)c * stride, j);
   return own;
 }

@@ -219,7 +219,10 @@ MS_INLINE double sum_nonlinearity_of(int dims, const ms_nonlinearity_job *j, int
         for (int c = 0; c < dims; c++) q.c[c] *= j->lambda * j->h;
         double share[MS_LANES];
         for (size_t i = 0; i < MS_LANES; i++)
-          share[i] = half_edges->neighbour[at + i] < model->unknowns.first_fixed ? 0.5 : 1;
+          share[i] =
+              ms_half_edges_neighbour(half_edges, (int32_t)(at + i)) < model->unknowns.first_fixed
+                  ? 0.5
+                  : 1;
         sum = ms_simd_fma(
             ms_simd_load(share),
             half_edge_nonlinearity(dims, half_edges, (size_t)half_edges->entry[entry].value + lane,

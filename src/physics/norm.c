@@ -122,7 +122,7 @@ static void add_row_sums(const ms_model *model, const double *x, const double *v
   const double pull = ms_model_force_acceleration(model, r);
   g->force2 += pull * pull;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
-    const int32_t q = half_edges->neighbour[at];
+    const int32_t q = ms_half_edges_neighbour(half_edges, at);
     if (half_edges->spring[at] < 0) continue;
     ms_unknowns_get(rows, x, q, xq);
     if (q >= rows->nfree) extend_box(xq, g);

@@ -55,16 +55,14 @@ MS_INLINE ms_pair_vectors ms_pair_subtract_neighbours(int dims, const ms_half_ed
                                                       int32_t low, int32_t high, const float *x,
                                                       size_t stride, ms_pair_vectors own) {
   const int32_t start = half_edges->entry[low].start;
-  const int32_t *i = half_edges->neighbour + MS_SLICE * (size_t)low;
-  const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)high;
   ms_pair_vectors d = {{{0}}};
   if (start >= 0 && half_edges->entry[high].start == start + MS_SLICE) {
     for (int c = 0; c < dims; c++)
       d.c[c] = own.c[c] - ms_pair_load(x + (size_t)start + (size_t)c * stride);
   } else {
-    for (int c = 0; c < dims; c++)
-      d.c[c] = own.c[c] - ms_pair_join(ms_simd_gather(x + (size_t)c * stride, i),
-                                       ms_simd_gather(x + (size_t)c * stride, j));
+    const ms_lane_vectors i = ms_load_neighbours(dims, half_edges, low, 0, x, stride);
+    const ms_lane_vectors j = ms_load_neighbours(dims, half_edges, high, 0, x, stride);
+    for (int c = 0; c < dims; c++) d.c[c] = own.c[c] - ms_pair_join(i.c[c], j.c[c]);
   }
   return d;
 }

@@ -30,10 +30,10 @@ MS_INLINE void add_rows(int dims, const ms_totals_job *j, size_t row, tally *t) 
  * each spring counts once. */
 MS_INLINE ms_mask contributing_lanes(const ms_half_edges *half_edges, int32_t entry,
                                      ms_slice_range p, size_t lane) {
-  const int32_t *j = half_edges->neighbour + MS_SLICE * (size_t)entry + lane;
+  const int32_t at = MS_SLICE * entry + (int32_t)lane;
   ms_mask other, own;
   for (int l = 0; l < MS_LANES; l++) {
-    other[l] = j[l];
+    other[l] = ms_half_edges_neighbour(half_edges, at + l);
     own[l] = (int64_t)p.row + (p.is_split ? 0 : (int64_t)lane + l);
   }
   return other > own;
