@@ -33,7 +33,7 @@ static problem pose(const msim_scene *scene, int32_t aggregate) {
   problem p = {.sim = crumpled(scene, aggregate)};
   const ms_stepper *s = &p.sim->islands->stepper;
   p.solver = s->solver, p.shape = s->model->shape;
-  p.b = s->work[0], p.y = s->v_next, p.Ay = s->scratch;
+  p.b = s->v, p.y = s->v_next, p.Ay = s->scratch; /* no step follows */
   assert_ok(ms_solver_prepare_descent(p.solver, err));
   unsigned seed = 8;
   for (int32_t c = 0; c < p.shape.dims; c++)

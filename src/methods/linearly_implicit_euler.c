@@ -28,6 +28,15 @@ static void step_without_springs(ms_stepper *s) {
   ms_stepper_reflect(s, s->x_next, s->v_next);
 }
 
+/* v' = v + dv, where dv may be in v'. In single precision dv is rounded to floats, in `room`, and
+ * those of pinned particles and padding in v', which dv may have overwritten, are as in v. */
+static void add_change(ms_stepper *s, const double *dv, double *room) {
+  const ms_shape shape = s->model->state_shape;
+  const void *change = ms_single_round(s->model, dv, room);
+  if (s->model->single) ms_vector_copy_all(shape, s->v, s->v_next);
+  ms_vector_add_scaled(shape, s->v, 1, change, s->v_next);
+}
+
 /* (M - h D - h^2 J) dv = h F(x) + (h D + h^2 J) v,  v' = v + dv,  x' = x + h v'
  * J, D at x; F without the forces that depend on v, which h D v contains; but F at the position and
  * velocity at the end of the step for pinned particles that move; of a force function f, F contains
@@ -35,7 +44,8 @@ static void step_without_springs(ms_stepper *s) {
  * iterate of implicit Euler from v' = 0, (M - h D - h^2 J) v' = M v + h F (Teschner), solved for
  * the change of v (Baraff and Witkin 1998, eq. 6): so the tolerance of the solver is relative to
  * the change in the step, for any common velocity of the particles.
- * In single precision x, v and F are floats, and the system has doubles. */
+ * In single precision x, v and F are floats, and the system has doubles. dv is in the memory of v',
+ * unless contact reads it afterwards (implicit_impulses.h). */
 static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) {
   if (!(s->model->features & MS_HAS_SPRINGS) && !ms_stepper_has_contacts(s) &&
       !s->model->function && !s->model->single) {
@@ -43,7 +53,7 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
     return MSIM_OK;
   }
   const ms_shape shape = s->model->state_shape;
-  double *dv = s->work[0], *b = s->scratch;
+  double *dv = s->events ? s->work[0] : s->v_next, *b = s->scratch;
   double *v_pinned = ms_rank_model_may_have_motions(s->model) ? b : NULL;
   if (v_pinned) ms_vector_clear_all(shape, b), s->c = 1;
   if (s->model->function) s->c = 1;
@@ -64,8 +74,7 @@ static msim_status linearly_implicit_euler_step(ms_stepper *s, msim_error *err) 
   s->offender = s->solver->offender;
   if (status) return status;
   s->incomplete |= s->solver->incomplete;
-  const void *change = ms_single_round(s->model, dv, b);
-  ms_vector_add_scaled(shape, s->v, 1, change, s->v_next);
+  add_change(s, dv, b);
   ms_vector_add_scaled(shape, s->x, s->h, s->v_next, s->x_next);
   ms_stepper_reflect(s, s->x_next, s->v_next);
   return MSIM_OK;
@@ -78,5 +87,4 @@ const ms_integrator ms_linearly_implicit_euler = {
               .order = 1,
               .implicit = 1},
     .one_step = 1,
-    .nwork = 1,
     .step = linearly_implicit_euler_step};
