@@ -23,7 +23,8 @@ void ms_contact_bodies_separate(ms_contact_bodies *b) {
 
 /* The group of a body: the root of its tree, whose paths are halved on the way. */
 static int32_t find_group(ms_contact_bodies *b, int32_t row) {
-  int32_t i = row >= 0 && b->body.of[row] >= 0 ? b->body.of[row] : b->body.n;
+  const int32_t body = row >= 0 ? ms_momentum_find_component(&b->body, row) : -1;
+  int32_t i = body >= 0 ? body : b->body.n;
   while (b->parent[i] != i) i = b->parent[i] = b->parent[b->parent[i]];
   return i;
 }

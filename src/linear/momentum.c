@@ -32,6 +32,7 @@ msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_com
   *f = (ms_momentum_components){0};
   int fits = MS_NEW(alloc, number, nfree) && MS_NEW(alloc, f->of, nfree);
   if (fits) number_components(model, number, f);
+  if (f->n == 0) ms_memory_free(alloc, f->of), f->of = NULL;
   fits = fits && MS_NEW(alloc, f->sums, 4 * (size_t)f->n);
   ms_memory_free(alloc, number);
   return fits ? MSIM_OK : ms_error_set_memory(err, "the linear solver");

@@ -12,9 +12,15 @@
 
 typedef struct ms_momentum_components {
   int32_t n;
-  int32_t *of;  /* nfree: the component of each unknown; -1: it is connected to pinned particles */
+  int32_t *of;  /* nfree: the component of each unknown; -1: it is connected to pinned particles;
+                   NULL: all are */
   double *sums; /* 4 per component: 1.W 1, then 1.(b - W y) */
 } ms_momentum_components;
+
+/* -1: the unknown is connected to pinned particles */
+static inline int32_t ms_momentum_find_component(const ms_momentum_components *f, int32_t row) {
+  return f->of ? f->of[row] : -1;
+}
 
 msim_status ms_momentum_create_components(const ms_model *model, ms_momentum_components *components,
                                           msim_error *err);

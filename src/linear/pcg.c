@@ -151,28 +151,31 @@ static double relative_distance(const float *p, const float *q, size_t n) {
   return sqrt(apart[0] / size[0]);
 }
 
-/* 1 if the coarse factor can be reused: the matrix, judged by D^-1, has hardly changed. That is so
- * in solids, but not in moving cloth, where the iterations that a lagged factor adds cost more than
- * a new one. Each matrix of Newton's method takes few iterations, so that there a factor serves at
- * least SEVERAL matrices. Changed constraints require a new factor, but not within a step, where
- * the modes of particles that join are set to 0, and those of particles that leave stay 0. */
+/* The numbers of D^-1 by which matrices are compared: its diagonal */
+static size_t count_compared(const ms_pcg *s) {
+  const ms_unknowns *rows = &s->base.system->model->unknowns;
+  return (size_t)rows->dims * (size_t)rows->first_pinned;
+}
+
+/* 1 if the coarse factor can be reused: the matrix, judged by the diagonal of D^-1, has hardly
+ * changed. That is so in solids, but not in moving cloth, where the iterations that a lagged factor
+ * adds cost more than a new one. Each matrix of Newton's method takes few iterations, so that there
+ * a factor serves at least SEVERAL matrices. Changed constraints require a new factor, but not
+ * within a step, where the modes of particles that join are set to 0, and those of particles that
+ * leave stay 0. */
 static int can_reuse_coarse_factor(ms_pcg *s, int32_t kind) {
   enum { SEVERAL = 8 };
   const double HARDLY = 0.05;
-  const ms_unknowns *rows = &s->base.system->model->unknowns;
-  const size_t n = ms_coefficients_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
   if (!s->may_reuse_coarse || !s->coarse_is_ready || s->factored_scale != s->jacobi.scale) return 0;
   if (!ms_coarse_is_constrained_by(&s->coarse, s->base.system->a.constraint,
                                    s->base.system->a.nconstraints))
     return 0;
   if (kind == MSIM_FACTOR_SYMMETRIC && s->coarse_age < SEVERAL) return 1;
-  return relative_distance(s->factored_inverse, s->inverse, n) <= HARDLY;
+  return relative_distance(s->factored_inverse, s->inverse, count_compared(s)) <= HARDLY;
 }
 
 static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
   const ms_linear_system *system = s->base.system;
-  const ms_unknowns *rows = &system->model->unknowns;
-  const size_t n = ms_coefficients_diagonal_size((size_t)rows->dims) * (size_t)rows->first_pinned;
   s->coarse_age++;
   if (system->continues && s->coarse_is_ready && s->factored_scale == s->jacobi.scale) {
     ms_coarse_constrain_more(&s->coarse, system->a.constraint, system->a.nconstraints);
@@ -184,7 +187,7 @@ static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
     s->base.reused_coarse_factors++;
     return MSIM_OK;
   }
-  memcpy(s->factored_inverse, s->inverse, n * sizeof *s->factored_inverse);
+  memcpy(s->factored_inverse, s->inverse, count_compared(s) * sizeof *s->factored_inverse);
   s->factored_scale = s->jacobi.scale;
   s->coarse_age = 0;
   s->base.coarse_factors++;
@@ -406,10 +409,10 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
   const size_t rows = (size_t)model->unknowns.first_pinned;
   const size_t blocks = ms_coefficients_diagonal_size((size_t)model->unknowns.dims) * rows;
   const size_t entries = (size_t)model->half_edges.nentries;
-  const int fits = MS_NEW(alloc, s->coefficients, 4 * MS_SLICE * entries) &&
-                   MS_NEW(alloc, s->inverse, blocks) &&
-                   MS_NEW(alloc, s->factored_inverse, blocks) && MS_NEW(alloc, s->inertia, rows) &&
-                   MS_NEW(alloc, s->sums, ms_pool_count_chunks(model->half_edges.nslices, CHUNK));
+  const int fits =
+      MS_NEW(alloc, s->coefficients, 4 * MS_SLICE * entries) && MS_NEW(alloc, s->inverse, blocks) &&
+      MS_NEW(alloc, s->factored_inverse, count_compared(s)) && MS_NEW(alloc, s->inertia, rows) &&
+      MS_NEW(alloc, s->sums, ms_pool_count_chunks(model->half_edges.nslices, CHUNK));
   return fits ? MSIM_OK : ms_error_set_memory(err, "conjugate gradients");
 }
 

@@ -48,7 +48,7 @@ typedef struct ms_pcg {
   int coarse_is_ready;     /* 1: the coarse matrix is factored */
   int may_reuse_coarse;    /* 1: that factor may be lagged, i.e. serve later systems */
   int32_t coarse_age;      /* calls of factor() since it was computed */
-  float *factored_inverse; /* `inverse` when it was computed */
+  float *factored_inverse; /* the diagonal of `inverse` when it was computed */
   double factored_scale;   /* jacobi.scale when it was computed */
   double *sums;            /* one per chunk of slices */
   ms_rank_modes *modes;    /* the top level on several ranks; NULL: one process */
