@@ -286,7 +286,7 @@ static double smoothness(const aggregates *g, int32_t k, int known) {
     const int32_t i = s->i[e], j = s->j[e], p = at[i], q = at[j];
     if (i >= g->model.unknowns.nfree || j >= g->model.unknowns.nfree || of[i] != k || of[j] != k)
       continue;
-    const double stiffness = g->model.scene->k[s->spring[e]];
+    const double stiffness = g->model.scene->k[ms_springs_number(s, e)];
     L[p * n + p] += stiffness, L[q * n + q] += stiffness;
     L[p * n + q] -= stiffness, L[q * n + p] -= stiffness;
   }

@@ -24,8 +24,8 @@ static long double textbook(const ms_model *m, const double *x, double h, const 
       l2 += u * u, next2 += (u + q) * (u + q), along += u * q;
     }
     const long double l = sqrtl(l2), next = sqrtl(next2),
-                      rest = m->scene->rest[m->springs.spring[e]];
-    const long double k = m->scene->k[m->springs.spring[e]], a = l > 0 ? along / l : 0;
+                      rest = m->scene->rest[ms_springs_number(&m->springs, e)];
+    const long double k = m->scene->k[ms_springs_number(&m->springs, e)], a = l > 0 ? along / l : 0;
     sum += k / 2 * ((next - rest) * (next - rest) - (l - rest) * (l - rest)) - k * (l - rest) * a;
   }
   return sum;

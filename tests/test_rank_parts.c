@@ -192,7 +192,7 @@ static int32_t list_row(const ms_half_edges *h, const ms_springs *springs, int32
   const ms_half_edge_span span = ms_half_edges_of_row(h, row);
   int32_t n = 0;
   for (int32_t at = span.begin; at < span.end; at += span.step)
-    if (h->spring[at] >= 0) to[n++] = springs->spring[h->spring[at]];
+    if (h->spring[at] >= 0) to[n++] = ms_springs_number(springs, h->spring[at]);
   return n;
 }
 

@@ -33,7 +33,7 @@ static void check_values(const ms_model *m) {
   assert_true(h->nvalues <= h->room && h->room <= MS_SLICE * (size_t)h->nentries);
   for (int32_t at = 0; at < MS_SLICE * h->nentries; at++) {
     const size_t value = ms_half_edges_value(h, at);
-    const int32_t e = h->spring[at] < 0 ? -1 : m->springs.spring[h->spring[at]];
+    const int32_t e = h->spring[at] < 0 ? -1 : ms_springs_number(&m->springs, h->spring[at]);
     assert_true(value < h->nvalues && value % MS_SLICE == (size_t)at % MS_SLICE);
     assert_true(h->k[value] == (e < 0 ? 0 : s->k[e]) && h->stiffness[value] == h->k[value]);
     assert_true(h->rest[value] == (e < 0 ? 0 : s->rest[e]));
@@ -48,7 +48,8 @@ static void check_sums(const ms_model *m) {
   for (int32_t i = 0; i < m->springs.n; i++) {
     const int32_t end[2] = {m->springs.i[i], m->springs.j[i]}, first = m->unknowns.first_fixed;
     const double share = end[0] < first && end[1] < first ? 2 : 1;
-    for (int side = 0; side < 2; side++) sum[end[side]] += share * s->k[m->springs.spring[i]];
+    for (int side = 0; side < 2; side++)
+      sum[end[side]] += share * s->k[ms_springs_number(&m->springs, i)];
   }
   for (int32_t r = 0; r < m->unknowns.nfree; r++)
     assert_true(fabs(ms_bounds_sum_stiffness(m, r) - sum[r]) <= 1e-13 * sum[r]);

@@ -56,7 +56,7 @@ static int changes_matrix_kind(const msim_sim *sim, const ms_island_sim *m, cons
   int is_scalar = !(sim->config.opt.skip_off & MSIM_SKIP_ZERO_REST_LENGTH) && !m->model.angles.n &&
                   !ms_scene_has_function(sim->scene);
   for (int32_t i = 0; i < s->n; i++) {
-    const int32_t e = s->spring[i];
+    const int32_t e = ms_springs_number(s, i);
     is_scalar &= ms_spring_is_linear(sim->scene, e, (rest ? rest : sim->scene->rest)[e],
                                      (damping ? damping : sim->scene->damping)[e]);
   }

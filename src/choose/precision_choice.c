@@ -50,8 +50,8 @@ static double sum_force_errors(const ms_model *m, double reach, double speed) {
   const ms_springs *springs = &m->springs;
   double sum = 0;
   for (int32_t e = 0; e < springs->n; e++) {
-    const double error =
-        m->scene->k[springs->spring[e]] * reach + m->scene->damping[springs->spring[e]] * speed;
+    const double error = m->scene->k[ms_springs_number(springs, e)] * reach +
+                         m->scene->damping[ms_springs_number(springs, e)] * speed;
     sum += error * error * (inverse_mass(m, springs->i[e]) + inverse_mass(m, springs->j[e]));
   }
   return sum;

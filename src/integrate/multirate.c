@@ -32,7 +32,7 @@ static void classify_springs(const ms_model *model, const ms_stiffness_partition
   const ms_scene *scene = model->scene;
   const ms_springs *s = &model->springs;
   for (int32_t e = 0; e < s->n; e++) {
-    const int32_t spring = s->spring[e], *ends = scene->ij + 2 * (size_t)spring;
+    const int32_t spring = ms_springs_number(s, e), *ends = scene->ij + 2 * (size_t)spring;
     if (l->stiffness_class[e] < partition->stiffness_class) {
       l->soft[l->nsoft++] = spring;
       continue;

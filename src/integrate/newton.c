@@ -292,7 +292,7 @@ static double relative_motion(const newton *n, int32_t e) {
   const ms_springs *s = &n->s->model->springs;
   const size_t stride = (size_t)n->shape.stride;
   const int32_t i = s->i[e], j = s->j[e];
-  const double rest = n->s->model->scene->rest[s->spring[e]];
+  const double rest = n->s->model->scene->rest[ms_springs_number(s, e)];
   double length2 = rest * rest, apart2 = 0, motion2 = 0;
   for (size_t c = 0; c < (size_t)n->shape.dims; c++) {
     const double *x = n->s->x + c * stride, *d = n->d + c * stride;
@@ -430,8 +430,9 @@ static int has_strong_dampers(const newton *n, double share) {
     double mass = INFINITY;
     if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);
     if (s->j[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->j[e]]);
-    const double c = ms_scene_damping(model->scene, s->spring[e]);
-    found = c > share * ah * ms_scene_stiffness(model->scene, s->spring[e]) && ah * c > mass;
+    const double c = ms_scene_damping(model->scene, ms_springs_number(s, e));
+    found =
+        c > share * ah * ms_scene_stiffness(model->scene, ms_springs_number(s, e)) && ah * c > mass;
   }
   ms_ranks_maximum(n->shape.ranks, 1, &found);
   return found > 0;

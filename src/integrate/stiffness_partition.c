@@ -20,7 +20,7 @@ static double inverse_mass(const ms_model *model, int32_t row) {
 static void find_stiffness_classes(const ms_model *model, int *class_of) {
   const ms_springs *s = &model->springs;
   for (int32_t e = 0; e < s->n; e++)
-    class_of[e] = ilogb(ms_scene_stiffness(model->scene, s->spring[e]) *
+    class_of[e] = ilogb(ms_scene_stiffness(model->scene, ms_springs_number(s, e)) *
                         (inverse_mass(model, s->i[e]) + inverse_mass(model, s->j[e])));
 }
 
@@ -33,8 +33,8 @@ static ms_bounds bounds_between(const ms_model *model, const int *class_of, int 
   memset(sums, 0, 2 * (size_t)n * sizeof *sums);
   for (int32_t e = 0; e < s->n; e++) {
     if (class_of[e] < from || class_of[e] > to) continue;
-    const double of_k = ms_scene_stiffness(model->scene, s->spring[e]);
-    const double of_c = ms_scene_damping(model->scene, s->spring[e]);
+    const double of_k = ms_scene_stiffness(model->scene, ms_springs_number(s, e));
+    const double of_c = ms_scene_damping(model->scene, ms_springs_number(s, e));
     if (s->i[e] < n) k[s->i[e]] += of_k, c[s->i[e]] += of_c;
     if (s->j[e] < n) k[s->j[e]] += of_k, c[s->j[e]] += of_c;
   }

@@ -15,7 +15,7 @@ static void read_entry(const ms_scene *scene, const ms_springs *springs,
   *to = (entry_values){0};
   for (int lane = 0; lane < MS_SLICE; lane++) {
     if (spring[lane] < 0) continue;
-    const int32_t e = springs->spring[spring[lane]];
+    const int32_t e = ms_springs_number(springs, spring[lane]);
     to->stiffness[lane] = ms_scene_stiffness(scene, e);
     to->k[lane] = ms_scene_law(scene, e) ? 0 : to->stiffness[lane];
     to->rest[lane] = scene->rest[e];

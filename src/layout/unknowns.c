@@ -75,17 +75,25 @@ void ms_unknowns_scatter(const ms_unknowns *rows, const double *vec, double *arr
 
 /*------------------------------------- springs --------------------------------------------------*/
 
+/* 1: the island has the first springs of the scene, as a single one does. */
+static int has_first_springs(const ms_island *island) {
+  int32_t e = 0;
+  while (e < island->nsprings && island->spring[e] == e) e++;
+  return e == island->nsprings;
+}
+
 msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
                               const ms_unknowns *rows, ms_springs *springs, msim_error *err) {
   const msim_allocator *alloc = &scene->alloc;
   const size_t count = (size_t)island->nsprings;
   *springs = (ms_springs){.n = island->nsprings};
   if (!MS_NEW(alloc, springs->i, count) || !MS_NEW(alloc, springs->j, count) ||
-      !MS_NEW(alloc, springs->spring, count))
+      (!has_first_springs(island) && !MS_NEW(alloc, springs->number, count)))
     return ms_error_set_memory(err, "a copy of the springs");
   ms_unknowns_find_rows(rows, island->row_scratch);
   for (size_t to = 0; to < count; to++) {
-    const int32_t e = springs->spring[to] = island->spring[to];
+    const int32_t e = island->spring[to];
+    if (springs->number) springs->number[to] = e;
     springs->i[to] = island->row_scratch[scene->ij[2 * (size_t)e]];
     springs->j[to] = island->row_scratch[scene->ij[2 * (size_t)e + 1]];
   }
@@ -93,6 +101,6 @@ msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
 }
 
 void ms_springs_destroy(const ms_scene *scene, ms_springs *springs) {
-  MS_FREE(&scene->alloc, springs->i, springs->j, springs->spring);
+  MS_FREE(&scene->alloc, springs->i, springs->j, springs->number);
   *springs = (ms_springs){0};
 }

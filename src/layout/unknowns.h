@@ -84,8 +84,13 @@ static inline double ms_unknowns_own_share(const ms_unknowns *rows, int32_t n, c
 typedef struct ms_springs {
   int32_t n;
   int32_t *i, *j;  /* n: rows of the ends */
-  int32_t *spring; /* n: the spring's number in the scene */
+  int32_t *number; /* n: of each spring in the scene; NULL: its index here */
 } ms_springs;
+
+/* The number of spring e of the island in the scene */
+static inline int32_t ms_springs_number(const ms_springs *springs, int32_t e) {
+  return springs->number ? springs->number[e] : e;
+}
 
 msim_status ms_springs_create(const ms_scene *scene, const ms_island *island,
                               const ms_unknowns *rows, ms_springs *springs, msim_error *err);

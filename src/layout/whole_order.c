@@ -6,7 +6,7 @@
 
 /* The index of a half-edge of row r in ms_whole_order.position */
 static size_t half_edge_index(const ms_springs *springs, int32_t r, ms_half_edge h) {
-  return 2 * (size_t)springs->spring[h.spring] + (springs->i[h.spring] != r);
+  return 2 * (size_t)ms_springs_number(springs, h.spring) + (springs->i[h.spring] != r);
 }
 
 static msim_status record_split_rows(const ms_scene *scene, const ms_unknowns *rows,

@@ -20,8 +20,8 @@ static double estimate_condition(const ms_model *model, double h) {
   const ms_angles *g = &model->angles;
   double worst = 0;
   for (int32_t e = 0; e < s->n; e++) {
-    const double k = ms_scene_stiffness(model->scene, s->spring[e]),
-                 c = ms_scene_damping(model->scene, s->spring[e]);
+    const double k = ms_scene_stiffness(model->scene, ms_springs_number(s, e)),
+                 c = ms_scene_damping(model->scene, ms_springs_number(s, e));
     worst = raise_ratio(model, worst, h * h * k + h * c, s->i[e], s->j[e]);
   }
   for (int32_t e = 0; e < g->n; e++)

@@ -123,7 +123,7 @@ typedef struct modes_job {
 } modes_job;
 
 static double stiffness(const modes_job *j, int32_t half_edge) {
-  return ms_scene_stiffness(j->model->scene, j->model->springs.spring[half_edge / 2]);
+  return ms_scene_stiffness(j->model->scene, ms_springs_number(&j->model->springs, half_edge / 2));
 }
 
 /* Clear the rows of u as far as the Laplacian of the aggregate rows[0..n) fills the factor. Returns

@@ -223,7 +223,7 @@ double ms_law_breaking_mark(const ms_model *model, const double *x, uint8_t *bro
     for (int32_t e = 0; e < run->end - run->begin; e++) {
       const int32_t ends[2] = {s->i[run->begin + e], s->j[run->begin + e]};
       if (!breaks(s, run, &at.at, e)) continue;
-      broken[model->springs.spring[s->spring[run->begin + e]]] = MS_BREAKING;
+      broken[ms_springs_number(&model->springs, s->spring[run->begin + e])] = MS_BREAKING;
       below += ms_unknowns_own_share(&model->unknowns, 2, ends) * fmax(0, -at.at.energy[e]);
     }
   }

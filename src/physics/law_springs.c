@@ -14,7 +14,7 @@ static int is_free(const ms_model *model, int32_t e) {
 }
 
 static int32_t law_number(const ms_model *model, int32_t e) {
-  return is_free(model, e) ? model->scene->law[model->springs.spring[e]] : 0;
+  return is_free(model, e) ? model->scene->law[ms_springs_number(&model->springs, e)] : 0;
 }
 
 static int32_t round_up(int32_t n) { return (n + MS_SLICE - 1) / MS_SLICE * MS_SLICE; }
@@ -128,7 +128,7 @@ void ms_law_springs_destroy(const ms_scene *scene, struct ms_law_springs *s) {
 static void update_spring(const ms_model *model, int32_t slot) {
   struct ms_law_springs *s = model->laws;
   const ms_scene *scene = model->scene;
-  const int32_t e = model->springs.spring[s->spring[slot]];
+  const int32_t e = ms_springs_number(&model->springs, s->spring[slot]);
   const int is_broken = ms_scene_is_broken(scene, e);
   s->k[slot] = is_broken ? 0 : scene->k[e], s->rest[slot] = scene->rest[e];
   if (s->broken) s->broken[slot] = (uint8_t)is_broken;
@@ -138,7 +138,8 @@ void ms_law_springs_update(const ms_model *model) {
   for (int32_t r = 0; r < model->laws->nruns; r++) {
     ms_law_run *run = &model->laws->run[r];
     for (int32_t at = run->begin; at < run->end; at++) update_spring(model, at);
-    run->law = ms_scene_law(model->scene, model->springs.spring[model->laws->spring[run->begin]]);
+    run->law = ms_scene_law(model->scene,
+                            ms_springs_number(&model->springs, model->laws->spring[run->begin]));
   }
   model->laws->has_limits = 0;
 }

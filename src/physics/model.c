@@ -26,8 +26,8 @@ static unsigned find_features(const ms_scene *s, const ms_springs *springs,
   for (int32_t e = 0; e < angles->n; e++)
     if (angles->damping[e] > 0) features |= MS_HAS_DAMPING;
   for (int32_t e = 0; e < springs->n; e++) {
-    if (ms_scene_damping(s, springs->spring[e]) > 0) features |= MS_HAS_DAMPING;
-    if (!ms_scene_is_linear(s, springs->spring[e])) features |= MS_HAS_DIRECTIONS;
+    if (ms_scene_damping(s, ms_springs_number(springs, e)) > 0) features |= MS_HAS_DAMPING;
+    if (!ms_scene_is_linear(s, ms_springs_number(springs, e))) features |= MS_HAS_DIRECTIONS;
   }
   if (has_velocity_forces(s)) features |= MS_HAS_DRAG;
   if (ms_scene_has_function(s)) features |= MS_HAS_DIRECTIONS;

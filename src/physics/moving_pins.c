@@ -113,7 +113,7 @@ void ms_moving_pins_set(const ms_model *model, ms_instant at, double *x, double 
 /* The power of the force of a spring on its moving end */
 static double compute_spring_power(const ms_model *model, const ms_moving_spring *e, ms_instant at,
                                    const double *x, const double *v) {
-  const int32_t spring = model->springs.spring[e->spring];
+  const int32_t spring = ms_springs_number(&model->springs, e->spring);
   double here[3], w[3], d[3], dv[3] = {0};
   evaluate_row(model, &e->end, at, here, w);
   ms_unknowns_get(&model->unknowns, x, e->other, d);

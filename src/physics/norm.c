@@ -93,8 +93,8 @@ static double speed2_from_spring(const ms_model *model, int32_t r, int32_t q, do
 static double elastic_energy(const ms_model *model, int32_t at, double l) {
   const ms_half_edges *h = &model->half_edges;
   const int32_t e = h->spring[at];
-  if (ms_scene_law(model->scene, model->springs.spring[e]))
-    return fabs(ms_law_value_of(model->scene, model->springs.spring[e], l).energy);
+  if (ms_scene_law(model->scene, ms_springs_number(&model->springs, e)))
+    return fabs(ms_law_value_of(model->scene, ms_springs_number(&model->springs, e), l).energy);
   const size_t value = ms_half_edges_value(h, at);
   const double stretch = l - h->rest[value];
   return h->k[value] * stretch * stretch / 2;

@@ -13,8 +13,9 @@ static double bound_force(const ms_model *m, int32_t e, const double *x, const d
   ms_unknowns_get(&m->unknowns, x, s->i[e], xi), ms_unknowns_get(&m->unknowns, x, s->j[e], xj);
   ms_unknowns_get(&m->unknowns, v, s->i[e], vi), ms_unknowns_get(&m->unknowns, v, s->j[e], vj);
   for (int c = 0; c < 3; c++) d[c] = xj[c] - xi[c], dv[c] = vj[c] - vi[c];
-  const double elastic = fabs(ms_law_value_of(m->scene, s->spring[e], ms_vec3_norm(d)).force);
-  const double c = ms_scene_damping(m->scene, s->spring[e]);
+  const double elastic =
+      fabs(ms_law_value_of(m->scene, ms_springs_number(s, e), ms_vec3_norm(d)).force);
+  const double c = ms_scene_damping(m->scene, ms_springs_number(s, e));
   return c > 0 ? elastic + MS_DASHPOT_FORCE(c, ms_vec3_norm(dv)) : elastic;
 }
 
@@ -23,7 +24,7 @@ int32_t ms_offender_find_spring(const ms_model *model, const double *x, const do
   const ms_springs *s = &model->springs;
   for (int32_t e = 0; e < s->n; e++)
     if ((s->i[e] == row || s->j[e] == row) && !(bound_force(model, e, x, v) <= MS_LARGEST_VALID))
-      return s->spring[e];
+      return ms_springs_number(s, e);
   return -1;
 }
 

@@ -19,7 +19,7 @@ static int list_foreign(const ms_model *model, const ms_rank_part *part, struct 
       !MS_NEW(&s->alloc, m->angle, model->angles.n))
     return 0;
   for (int32_t e = 0; e < model->springs.n; e++)
-    if (counts_elsewhere(part, 2, s->ij + 2 * (size_t)model->springs.spring[e]))
+    if (counts_elsewhere(part, 2, s->ij + 2 * (size_t)ms_springs_number(&model->springs, e)))
       m->spring[m->nsprings++] = e;
   for (int32_t e = 0; e < model->angles.n; e++)
     if (counts_elsewhere(part, 3, s->angles.ijk + 3 * (size_t)model->angles.angle[e]))
@@ -36,7 +36,8 @@ double ms_rank_model_foreign_energy(const ms_model *model, const double *x) {
     ms_unknowns_get(&model->unknowns, x, model->springs.i[e], a);
     ms_unknowns_get(&model->unknowns, x, model->springs.j[e], b);
     const double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-    sum += ms_law_value_of(model->scene, model->springs.spring[e], ms_vec3_norm(d)).energy;
+    sum += ms_law_value_of(model->scene, ms_springs_number(&model->springs, e), ms_vec3_norm(d))
+               .energy;
   }
   for (int32_t k = 0; m && k < m->nangles; k++)
     sum += ms_angle_springs_energy_of(model, m->angle[k], x);

@@ -118,7 +118,7 @@ static void find_stiffest_spring(const ms_model *model, int32_t row, fastest *f)
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const double k = h->stiffness[ms_half_edges_value(h, at)];
     if (h->spring[at] < 0 || k <= f->k) continue;
-    f->k = k, f->spring = model->springs.spring[h->spring[at]];
+    f->k = k, f->spring = ms_springs_number(&model->springs, h->spring[at]);
   }
 }
 

@@ -85,7 +85,8 @@ static ms_scene *cut_model_scene(const msim_sim *sim, ms_rank_scene *kept, ms_ed
     return NULL;
   for (int32_t r = 0; r < model->unknowns.stride; r++)
     if (model->unknowns.particle[r] >= 0) map->particle[model->unknowns.particle[r]] = 0;
-  for (int32_t e = 0; e < model->springs.n; e++) map->spring[model->springs.spring[e]] = 0;
+  for (int32_t e = 0; e < model->springs.n; e++)
+    map->spring[ms_springs_number(&model->springs, e)] = 0;
   if (!list_places(&sim->alloc, s->nparticles, map->particle, &cut.nparticles, &kept->particle) ||
       !list_places(&sim->alloc, s->nsprings, map->spring, &cut.nsprings, &kept->spring))
     return NULL;

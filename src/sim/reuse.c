@@ -79,10 +79,10 @@ int ms_reuse_island(const msim_sim *sim, const ms_island *island, int32_t left_o
 /*------------------------------------- move -----------------------------------------------------*/
 
 void ms_reuse_renumber(ms_model *model, const ms_scene *scene, const ms_edit_map *map) {
-  int32_t *particle = model->unknowns.particle, *spring = model->springs.spring;
+  int32_t *particle = model->unknowns.particle, *spring = model->springs.number;
   for (int32_t r = 0; r < model->unknowns.stride; r++)
     if (particle[r] >= 0) particle[r] = map->particle[particle[r]];
-  for (int32_t e = 0; e < model->springs.n; e++) spring[e] = map->spring[spring[e]];
+  for (int32_t e = 0; e < model->springs.n && spring; e++) spring[e] = map->spring[spring[e]];
   for (int32_t e = 0; e < model->angles.n; e++)
     model->angles.angle[e] = map->angle[model->angles.angle[e]];
   for (int32_t i = 0; model->function && i < model->function->n; i++)

@@ -64,7 +64,7 @@ static double find_turn(const ms_stepper *s) {
   for (int32_t e = 0; e < springs->n; e++) {
     const size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
     double before = 0, after = 0, both = 0;
-    if (ms_scene_is_linear(s->model->scene, springs->spring[e])) continue;
+    if (ms_scene_is_linear(s->model->scene, ms_springs_number(springs, e))) continue;
     for (size_t at = 0; at < dims * stride; at += stride) {
       const double from = number_at(s->model, s->x, at + j) - number_at(s->model, s->x, at + i);
       const double to =
