@@ -111,6 +111,7 @@ class Quick(QuickTest):
         if "ode" in result["machine"]:
             self.check_split(rows, "cord", {"ARKODE IMEX", "ARKODE MRI"})
             self.check_split(rows, "damped", {"ARKODE IMEX"})
+            self.check_split(rows, "damped_jelly", {"ARKODE IMEX"})
             self.check_split(rows, "folding", set())
         self.check_order(rows, "velocity-verlet", 2)
         self.check_order(rows, "rk4", 4)
@@ -242,11 +243,13 @@ class Quick(QuickTest):
 
     def check_split(self, rows, scene, expected):
         """Multirate methods take part where the forces are split, and their results agree with
-        those of the others."""
+        those of the others, which get the faster forces."""
         rows = self.find(rows, scene=scene)
         kernel, = self.find(rows, measure="kernel")
         self.assertEqual("split_difference" in kernel, bool(expected))
         self.assertLess(kernel.get("split_difference", 0), 1e-12)
+        self.assertEqual(kernel["sundials_gets"] == "component arrays",
+                         kernel["loop_us"] < kernel["flat_us"])
         runs = [row for row in self.find(rows, measure="point", of="sundials")
                 if row["method"].startswith(("ARKODE IMEX", "ARKODE MRI"))]
         self.assertEqual({row["method"][:11].strip() for row in runs}, expected)

@@ -11,7 +11,7 @@ typedef struct ode_forces {
   msim_sim *sim; /* computes forces */
   spring_runs runs;
   force_split split;       /* arrays by components */
-  int by_runs;             /* 1: the loop; always so if the forces are split */
+  int by_runs;             /* 1: the loop; always so if these forces are split */
   double *x, *v, *inverse; /* initial state and 1/m, in the layout in use */
   /* Times in s, the minimum of 5: forces by msim_sim_force and by the loop; creating a sim; a step
    * of velocity Verlet, which takes one evaluation. */

@@ -101,18 +101,20 @@ static void measure_precision_scene(const bench_run *b, const precision_scene *k
   const sweep_limits limits = {.repeat_seconds = plan->turns, .until = until};
   msim_scene *scene = NULL;
   reference_solution t = {.scene = NULL};
-  ode_forces k = {.by_runs = 0};
+  ode_forces k = {.by_runs = 0}, parts = {.stiff_s = NAN, .others_s = NAN, .split_difference = NAN};
+  const int split = split_of(kind);
   setting_sweep c = {.count = 0};
   const run_context a = {
-      .kind = kind, .reference = &t, .kernel = &k, .ode = ode, .threads = threads};
+      .kind = kind, .reference = &t, .kernel = &k, .parts = &parts, .ode = ode, .threads = threads};
   printf("\n%s: %s\n", kind->name, kind->doc);
   fflush(stdout);
   if (msim_scene_create(NULL, &scene, &t.err) || kind->build(kind->sides[quick], scene, &t.err) ||
       !reference_solution_compute(scene, kind->ends[quick], kind->impacts, kind->damped, threads,
                                   plan->reference, until, &t)) {
     if (!is_interrupted()) report_no_reference(b->report, kind, t.err.text);
-  } else if (!ode_forces_create(scene, t.sim, split_of(kind), kind->stiff, t.end.x, t.end.v,
-                                t.limit / 4, &k) ||
+  } else if (!ode_forces_create(scene, t.sim, 0, 0, t.end.x, t.end.v, t.limit / 4, &k) ||
+             (split && !ode_forces_create(scene, t.sim, split, kind->stiff, t.end.x, t.end.v,
+                                          t.limit / 4, &parts)) ||
              !setting_sweep_run(&a, &limits, &c)) {
     report_no_reference(b->report, kind, "out of memory");
   } else if (!is_interrupted()) {
@@ -124,6 +126,7 @@ static void measure_precision_scene(const bench_run *b, const precision_scene *k
   }
   setting_sweep_free(&c);
   ode_forces_free(&k);
+  ode_forces_free(&parts);
   reference_solution_free(&t);
   msim_scene_destroy(scene);
 }

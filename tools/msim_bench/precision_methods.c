@@ -117,18 +117,23 @@ static int call_force(void *data, int part, const double *x, const double *v, do
   return !c->stopped;
 }
 
+static const ode_forces *forces_of(const run_context *a, const precision_method *m) {
+  return a->ode->info(m->ode)->split_mask ? a->parts : a->kernel;
+}
+
 /* Times the library only: its input arrays are prepared beforehand. x, v: the final state. */
 static void time_ode(const run_context *a, const precision_method *m, double setting, double until,
                      double *x, double *v, run_result *e) {
   const reference_solution *t = a->reference;
-  force_call c = {.kernel = a->kernel, .until = until};
+  const ode_forces *kernel = forces_of(a, m);
+  force_call c = {.kernel = kernel, .until = until};
   const ode_problem problem = {.n = 3 * (size_t)t->view.nparticles,
-                               .x = a->kernel->x,
-                               .v = a->kernel->v,
-                               .inverse = a->kernel->inverse,
+                               .x = kernel->x,
+                               .v = kernel->v,
+                               .inverse = kernel->inverse,
                                .t_end = t->t_end,
                                .scales = {t->motion, t->speed},
-                               .split = a->kernel->split.by,
+                               .split = kernel->split.by,
                                .force = call_force,
                                .data = &c};
   const double start = clock_seconds();
@@ -149,8 +154,8 @@ static int run_ode(const run_context *a, const precision_method *m, double setti
   e->refused = x == NULL;
   if (!x) return 0;
   time_ode(a, m, setting, until, x, x + n, e);
-  ode_forces_interleave(a->kernel, x, e->x);
-  ode_forces_interleave(a->kernel, x + n, e->v);
+  ode_forces_interleave(forces_of(a, m), x, e->x);
+  ode_forces_interleave(forces_of(a, m), x + n, e->v);
   free(x);
   return e->reason[0] == '\0';
 }

@@ -41,6 +41,7 @@ typedef struct run_context {
   const precision_scene *kind;
   const reference_solution *reference;
   const ode_forces *kernel; /* forces for the other library */
+  const ode_forces *parts;  /* the same, split, if split.by is set */
   const ode_methods *ode;   /* may be NULL */
   int32_t threads;
 } run_context;

@@ -116,7 +116,7 @@ static void sweep_all_groups(setting_sweep *c, double until) {
 int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sweep *c) {
   const reference_solution *t = a->reference;
   *c = (setting_sweep){.context = *a};
-  precision_methods_collect(t, a->kernel->split.by, a->ode, &c->methods);
+  precision_methods_collect(t, a->parts->split.by, a->ode, &c->methods);
   const size_t most = (size_t)c->methods.count * MAX_SWEEP_POINTS;
   c->points = malloc(most * sizeof *c->points);
   c->all = malloc(most * sizeof *c->all);
