@@ -129,6 +129,47 @@ static void error_control_starts_late(void **state) {
   }
 }
 
+/* Evaluations that the paths of both particles cost in a step: each is computed twice, and is as
+ * expensive as 80 springs. */
+enum { PATHS = 2 * 2 * 80 };
+
+/* A trial ends with the first of its steps of h that exceeds the evaluations it may take. */
+static void expensive_trials_end(void **state) {
+  (void)state;
+  const ms_trial whole = {&ms_velocity_verlet, MSIM_COLLISION_EVENT, 2, STEP, 0};
+  double error, step_cost;
+  fall f;
+  set_up(1e-3, 0, &f);
+  const double steps = ms_pilot_run_trial_steps(&f.run, STEP);
+  const double most[] = {0, 1e6, 5};
+  for (int limit = 0; limit < 3; limit++) {
+    const double before = f.run.cost;
+    ms_trial trial = whole;
+    trial.most = most[limit];
+    assert_ok(ms_pilot_run_try_method(&f.run, &trial, &error, &step_cost, err));
+    const double cost = f.run.cost - before;
+    if (limit < 2) assert_true(error < INFINITY && cost >= 3 * steps);
+    else assert_true(error == INFINITY && cost > 5 && cost <= 5 + 2 + PATHS);
+  }
+  tear_down(&f);
+}
+
+/* Two particles rest on the plane. */
+static void paths_count(void **state) {
+  (void)state;
+  fall f;
+  set_up(0, 0, &f);
+  msim_options opt = options_of("velocity-verlet", 0, STEP);
+  opt.h = STEP, opt.collision = MSIM_COLLISION_EVENT;
+  msim_sim *sim = make_sim(f.scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_int_equal(sim->islands->stepper.paths, 2 * 2);
+  const double sweeps = (double)stats_of(sim).spring_evaluations;
+  assert_close(ms_pilot_run_count_work(sim), sweeps + PATHS, 0);
+  msim_sim_destroy(sim);
+  tear_down(&f);
+}
+
 static ms_pilot_run make_run(const msim_scene *scene) {
   const msim_options opt = options_of("velocity-verlet", 0, 0.3);
   msim_sim *sim = make_sim(scene, &opt);
@@ -167,6 +208,8 @@ int main(void) {
       cmocka_unit_test(far_planes_do_not_count),
       cmocka_unit_test(free_particles_are_counted),
       cmocka_unit_test(error_control_starts_late),
+      cmocka_unit_test(expensive_trials_end),
+      cmocka_unit_test(paths_count),
       cmocka_unit_test(errors_grow_most_where_damping_is_weak)};
   return cmocka_run_group_tests_name("pilot_run", tests, NULL, NULL);
 }

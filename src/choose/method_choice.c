@@ -16,6 +16,9 @@
  * error control costs where no plane counts */
 enum { FEW = 4, CONTROLLED_STEPS = 16 };
 
+/* Steps with impacts cost so many times as much where two half steps verify each one. */
+static const double EVENT_COST = 3;
+
 enum {
   LEAPFROG_METHOD,
   LOCATED_IMPACTS,
@@ -96,13 +99,13 @@ static double longest_to_locate(const ms_pilot_run *p, const ms_integrator *meth
 }
 
 /* Set the evaluations of steps of c->h, and their cost: with floats about half of that with
- * doubles, and three times as many where two half steps verify each step with impacts. */
+ * doubles. */
 static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
   if (c->method->stages)
     c->step_cost = c->method->stages(c->h, ms_bounds_compute_island(ms_pilot_run_model(p)));
   c->cost_rate = c->step_cost / c->h + candidate_list[i].first / p->span;
   if (c->precision == MSIM_PRECISION_SINGLE) c->cost_rate /= 2;
-  if (ms_verification_setup_is_for_events(p, c)) c->cost_rate *= 3;
+  if (ms_verification_setup_is_for_events(p, c)) c->cost_rate *= EVENT_COST;
 }
 
 /* The limit of stability that damping sets holds in every state; in most, error control takes steps
@@ -147,11 +150,20 @@ static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
                     .h = c->h};
 }
 
-static msim_status measure_error(ms_pilot_run *p, ms_candidate *c, msim_error *err) {
-  const ms_trial trial = make_trial(p, c);
+/* With planes, where steps may cost ten times what is expected, a trial ends once its steps cost
+ * more than half of `least`, the cost of another method: with half steps it would cost a fifth of
+ * the run, which smaller savings hardly recover. */
+static msim_status measure_error(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
+  const double factor = ms_verification_setup_is_for_events(p, c) ? EVENT_COST : 1;
+  const double before = p->cost;
+  ms_trial trial = make_trial(p, c);
   double step_cost;
+  if (p->planes_count && least < INFINITY)
+    trial.most = least / 2 / factor * ms_pilot_run_trial_steps(p, c->h) * c->h;
   msim_status status = ms_pilot_run_try_method(p, &trial, &c->error, &step_cost, err);
   if (c->collision == MSIM_COLLISION_EVENT) c->step_cost = fmax(c->step_cost, step_cost);
+  if (trial.most > 0 && c->error == INFINITY && p->cost - before > trial.most)
+    c->rejection = MS_REASON_COSTS_MORE;
   return status;
 }
 
@@ -161,13 +173,14 @@ static msim_status measure_error(ms_pilot_run *p, ms_candidate *c, msim_error *e
  * order 4, and without impacts, the second one assumes two orders more. The error of a trial of m
  * steps cannot be smaller than their rounding, which adds up like sqrt(m): shorter steps would not
  * show a smaller one. */
-static msim_status try_candidate_step(ms_pilot_run *p, int i, ms_candidate *c, double *most,
-                                      msim_error *err) {
+static msim_status try_candidate_step(ms_pilot_run *p, int i, double least, ms_candidate *c,
+                                      double *most, msim_error *err) {
   const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01;
   const double k = make_trial(p, c).order, h = c->h;
   const int may_fall_faster = c->error == 0 && k == 4 && !p->planes_count;
-  msim_status status = measure_error(p, c, err);
-  if (status) return status;
+  msim_status status = measure_error(p, least, c, err);
+  if (c->rejection) c->tried = 1, c->cost_rate = INFINITY;
+  if (status || c->rejection) return status;
   const double rounding = p->scales.rounding * p->span / (h * sqrt(ms_pilot_run_trial_steps(p, h)));
   const double ratio = p->tol / c->error,
                longest = may_fall_faster ? fmin(0.5, SAFETY * pow(ratio, 1 / (k + 2))) : 0,
@@ -260,8 +273,9 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
   for (s->best = most_promising(p, c); !status && !c[s->best].tried;
        s->best = most_promising(p, c)) {
     const int i = s->best;
-    status = is_controlled(i) ? try_controlled(p, i, least_tried_cost(p, i, c), &c[i], err)
-                              : try_candidate_step(p, i, &c[i], &most[i], err);
+    const double least = least_tried_cost(p, i, c);
+    status = is_controlled(i) ? try_controlled(p, i, least, &c[i], err)
+                              : try_candidate_step(p, i, least, &c[i], &most[i], err);
     if (i == ERROR_CONTROLLED) expect_fixed_steps(p, c[i].h, &c[EIGHTH]);
     c[i].tried |= ++tries[i] == PATIENCE;
   }

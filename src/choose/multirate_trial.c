@@ -46,7 +46,10 @@ msim_status ms_multirate_trial_make(ms_pilot_run *p, double least, ms_candidate 
   msim_status status = find_cheapest_step(p, &n, &cost, err);
   for (int tries = 0; tries < 3 && !status && !c->tried && cost < WORTH * least; tries++) {
     c->h = step_of(p, n);
-    const ms_trial steps = {c->method, MSIM_COLLISION_REFLECT, c->method->entry.order, c->h};
+    const ms_trial steps = {.method = c->method,
+                            .collision = MSIM_COLLISION_REFLECT,
+                            .order = c->method->entry.order,
+                            .h = c->h};
     status = ms_pilot_run_try_from_start(p, &steps, n, &c->error, &c->step_cost, err);
     c->error *= CARE;
     c->tried = c->error <= p->tol;

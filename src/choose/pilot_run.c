@@ -12,14 +12,21 @@
 
 /* Work in evaluations, per island
  *   W = evaluations + assemblies + 1.5 c iterations + (flops factorizations + 16 fill solves)/f,
- * c = 2 with a coarse space, else 1; f = 2 32/1.5 flops for each spring, as in lagged_factor.h. */
+ * c = 2 with a coarse space, else 1; f = 2 32/1.5 flops for each spring, as in lagged_factor.h. The
+ * path of a particle in contact takes as many instructions as PATH springs. */
+static double count_paths(const msim_sim *sim) {
+  double sum = 0;
+  for (int32_t i = 0; i < sim->nislands; i++) sum += (double)sim->islands[i].stepper.paths;
+  return sum;
+}
+
 double ms_pilot_run_count_work(const msim_sim *sim) {
   const ms_island_sim *m = ms_sim_largest_island(sim);
   const msim_stats *s = &sim->stats;
-  const double springs = sim->scene->nsprings,
+  const double PATH = 80, springs = sim->scene->nsprings,
                flops = 2 * MS_PCG_FLOPS_PER_HALF_EDGE / MS_EVALUATIONS_PER_ITERATION;
   double work = (double)s->force_evaluations / sim->nislands;
-  if (springs > 0) work = (double)s->spring_evaluations / springs;
+  if (springs > 0) work = ((double)s->spring_evaluations + PATH * count_paths(sim)) / springs;
   if (!m->stepper.solver) return work;
   const ms_linear *linear = m->stepper.solver->linear;
   const double solver =
@@ -139,8 +146,23 @@ double ms_pilot_run_longest_to_locate(const ms_pilot_run *p, const ms_integrator
 
 /*------------------------------------- errors ---------------------------------------------------*/
 
+/* *done: they have not taken more evaluations than allowed. */
+static msim_status make_trial_steps(ms_pilot_run *p, msim_sim *sim, int64_t n, double most,
+                                    int *done, msim_error *err) {
+  const double before = ms_pilot_run_count_work(sim);
+  double work = 0;
+  msim_status status = MSIM_OK;
+  for (int64_t i = 0; i < n && !status && work <= most; i++) {
+    status = ms_sim_make_steps(sim, 1, err);
+    work = ms_pilot_run_count_work(sim) - before;
+  }
+  p->cost += work;
+  *done = !status && work <= most;
+  return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
+}
+
 /* Estimate the error of m steps of h by 2 m steps of h/2: 2^p/(2^p - 1) times the distance of their
- * ends, p the order. INFINITY if the steps fail. */
+ * ends, p the order. INFINITY if the steps fail or take too many evaluations. */
 static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, int64_t m,
                                       const ms_pilot_state *from, double *error, msim_error *err) {
   const double halving = ldexp(1, of->order);
@@ -152,10 +174,10 @@ static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, int64
     if (halved) steps.h /= 2;
     msim_status status = start_method(p, &steps, &state, &sim, err);
     if (status) return status;
-    const double before = ms_pilot_run_count_work(sim);
-    status = ms_sim_make_steps(sim, halved ? 2 * m : m, err);
-    p->cost += ms_pilot_run_count_work(sim) - before;
-    if (status) return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
+    const double most = halved || of->most == 0 ? INFINITY : of->most;
+    int done;
+    status = make_trial_steps(p, sim, halved ? 2 * m : m, most, &done, err);
+    if (status || !done) return status;
     if (!halved) copy_state(p, sim, &p->scratch);
   }
   *error = halving / (halving - 1) * error_distance(p, sim, &p->scratch);
@@ -384,8 +406,10 @@ static msim_status prepare_pilot_run(ms_pilot_run *p, double t0, msim_error *err
 
 static ms_trial make_pilot(const ms_pilot_run *p, const ms_integrator *method) {
   const double FEWEST = 100; /* steps in the run, at least */
-  return (ms_trial){method, MSIM_COLLISION_REFLECT, 2,
-                    fmin(ms_pilot_run_stable_step(p, method), p->span / FEWEST)};
+  return (ms_trial){.method = method,
+                    .collision = MSIM_COLLISION_REFLECT,
+                    .order = 2,
+                    .h = fmin(ms_pilot_run_stable_step(p, method), p->span / FEWEST)};
 }
 
 /* Where damping limits the steps of velocity Verlet, with two evaluations each, rkc may need half

@@ -19,8 +19,9 @@
 typedef struct ms_trial {
   const ms_integrator *method;
   int32_t collision;
-  int order; /* of its error at the end of a run */
-  double h;  /* s */
+  int order;   /* of its error at the end of a run */
+  double h;    /* s */
+  double most; /* evaluations for steps of h, after which the trial ends; 0: any number */
 } ms_trial;
 
 /* A state, 3n each, in particle order */
@@ -75,7 +76,7 @@ double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h);
 double ms_pilot_run_growth(const ms_pilot_run *p, int order);
 
 /* The error at the end of the run with these fixed steps, in the norm of pilot_run.c; INFINITY:
- * such steps fail. step_cost: the cost of a step, in evaluations. */
+ * such steps fail, or take too many evaluations. step_cost: the cost of a step, in evaluations. */
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
                                     double *step_cost, msim_error *err);
 

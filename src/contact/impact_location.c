@@ -320,6 +320,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
     ms_vec3_axpy(contact->rebound, contact->on.plane[0]->normal, p.v);
   memcpy(p.w, p.v, sizeof p.w);
   ms_particle_path_compute(&p);
+  s->paths++;
   ms_contact_impulses_add_path(s, row, &p, start);
   if (from == 0) estimate_path_error(j, row, &p);
   ms_unknowns_set(rows, p.x, row, s->x_next);

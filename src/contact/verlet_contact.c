@@ -25,6 +25,7 @@ void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double 
     ms_particle_path p = ms_contact_set_make_path(s, r, a, a);
     e->followed[e->nfollowed++] = r;
     ms_particle_path_compute(&p);
+    s->paths++;
     ms_unknowns_set(&s->model->unknowns, p.x, r, s->x_next);
     ms_unknowns_set(&s->model->unknowns, p.v, r, v_predicted);
     s->stats->contacts += p.impacts;
@@ -39,6 +40,7 @@ void ms_verlet_contact_correct_velocities(ms_stepper *s, const double *a, const 
     ms_particle_path p = ms_contact_set_make_path(s, e->followed[i], a, a_next);
     const double v[3] = {p.w[0], p.w[1], p.w[2]};
     ms_particle_path_compute(&p);
+    s->paths++;
     ms_contact_impulses_add_path(s, e->followed[i], &p, v);
     s->work_in_step += s->model->mass[e->followed[i]] * p.work;
     ms_unknowns_set(&s->model->unknowns, p.w, e->followed[i], s->v_next);

@@ -53,6 +53,7 @@ typedef struct ms_stepper {
   int finite; /* 1: no number of x_next and v_next is NaN or beyond MS_LARGEST_VALID; 0: unknown */
   msim_stats *stats;
   int64_t sweeps;                     /* force sweeps so far; some are timed */
+  int64_t paths;                      /* particle paths computed so far */
   struct ms_contact_log *contact_log; /* of the step being made; NULL: contacts are not recorded */
   /* for collision = event in scenes with planes or colliders; for implicit methods also for
    * collision = reflect in scenes with colliders (events.h); else NULL */
