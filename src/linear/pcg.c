@@ -418,7 +418,7 @@ static msim_status pcg_allocate(ms_pcg *s, msim_error *err) {
 
 static msim_status pcg_connect(ms_linear *base, msim_error *err) {
   ms_pcg *s = (ms_pcg *)base;
-  return ms_rank_modes_create(&s->coarse, base->system->model, &s->modes, err);
+  return ms_rank_modes_create(&s->coarse, base->system->model, s->r, &s->modes, err);
 }
 
 /* The vectors of iterations, whose content factor() may overwrite. They lie in the memory in which

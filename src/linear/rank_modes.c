@@ -34,7 +34,7 @@ static void set_own_weights(ms_rank_modes *q, const ms_coarse *coarse) {
     for (int k = known; k < MS_MODES; k++) w[r][k] = 0;
 }
 
-/* Ghosts have the weights of their owners. vec: scratch, of 4 components; collective */
+/* Ghosts have the weights of their owners. vec: 4 components; collective */
 static void share_weights(ms_rank_modes *q, double *vec) {
   const ms_unknowns *rows = &q->model->unknowns;
   for (int32_t r = 0; r < rows->nfree; r++)
@@ -120,48 +120,42 @@ static int create_matrix(const ms_sparse_graph *graph, ms_rank_modes *q) {
   return fits;
 }
 
-/* Scratch of creation: the number of ranks that springs join with each one, those of this rank, and
- * a vector of 4 components */
-typedef struct workspace {
-  int64_t *count;
-  int32_t *own;
-  double *vec;
-} workspace;
-
-static int create_rows(ms_rank_modes *q, workspace *w) {
+/* Room for the number of ranks that springs join with each one, and for those of this rank */
+static int create_rows(ms_rank_modes *q, int64_t **count, int32_t **own) {
   const msim_allocator *alloc = &q->model->scene->alloc;
   const ms_halo *halo = q->model->rank_model->halo;
   const size_t rows = (size_t)q->model->unknowns.first_fixed, n = (size_t)halo->ranks->n;
   return MS_NEW(alloc, q->rank, rows) && MS_NEW(alloc, q->weight, rows) &&
          MS_NEW(alloc, q->border, halo->first_out[halo->n]) && MS_NEW(alloc, q->bytes, n) &&
-         MS_NEW(alloc, w->count, n) && MS_NEW(alloc, w->own, halo->n) &&
-         MS_NEW(alloc, w->vec, MS_MODES * (size_t)q->model->unknowns.stride);
+         MS_NEW(alloc, *count, n) && MS_NEW(alloc, *own, halo->n);
 }
 
-msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model,
+msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model, double *vec,
                                  ms_rank_modes **modes, msim_error *err) {
   static const char WHAT[] = "the modes of the ranks";
   const msim_allocator *alloc = &model->scene->alloc;
   ms_ranks *ranks = model->shape.ranks;
   ms_sparse_graph graph = {0};
-  workspace w = {0};
+  int64_t *count = NULL;
+  int32_t *own = NULL;
   ms_rank_modes *q = *modes = ms_memory_allocate(alloc, 1, sizeof *q);
   if (q) q->model = model;
-  msim_status status = ms_ranks_agree_on_memory(ranks, q && create_rows(q, &w), WHAT, err);
+  msim_status status =
+      ms_ranks_agree_on_memory(ranks, q && create_rows(q, &count, &own), WHAT, err);
   if (!status) {
     const int64_t nneighbours = model->rank_model->halo->n;
     list_border(q);
     set_own_weights(q, coarse);
-    share_weights(q, w.vec);
-    ms_ranks_gather(ranks, sizeof nneighbours, &nneighbours, w.count);
-    status = ms_ranks_agree_on_memory(ranks, ranks->failed || create_graph(q, w.count, &graph),
-                                      WHAT, err);
+    share_weights(q, vec);
+    ms_ranks_gather(ranks, sizeof nneighbours, &nneighbours, count);
+    status =
+        ms_ranks_agree_on_memory(ranks, ranks->failed || create_graph(q, count, &graph), WHAT, err);
   }
   if (!status) {
-    gather_graph(q, w.own, &graph);
+    gather_graph(q, own, &graph);
     status = ms_ranks_agree_on_memory(ranks, ranks->failed || create_matrix(&graph, q), WHAT, err);
   }
-  MS_FREE(alloc, graph.ptr, graph.ind, w.count, w.own, w.vec);
+  MS_FREE(alloc, graph.ptr, graph.ind, count, own);
   return status;
 }
 

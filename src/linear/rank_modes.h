@@ -33,9 +33,9 @@ typedef struct ms_rank_modes {
   int is_ready;               /* 1: factored */
 } ms_rank_modes;
 
-/* Collective, with the same status on all ranks: each knows its own unknowns and ghosts. After an
- * error it may be there, and must be destroyed. */
-msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model,
+/* Collective, with the same status on all ranks: each knows its own unknowns and ghosts. vec: room
+ * for a vector of 4 components. After an error it may be there, and must be destroyed. */
+msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model, double *vec,
                                  ms_rank_modes **modes, msim_error *err);
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *modes);
 
