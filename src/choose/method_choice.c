@@ -152,7 +152,7 @@ static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
 
 /* With planes, where steps may cost ten times what is expected, a trial ends once its steps cost
  * more than half of `least`, the cost of another method: with half steps it would cost a fifth of
- * the run, which smaller savings hardly recover. */
+ * the run, about as much as it could save. */
 static msim_status measure_error(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
   const double factor = ms_verification_setup_is_for_events(p, c) ? EVENT_COST : 1;
   const double before = p->cost;

@@ -233,25 +233,27 @@ static int may_round_vectors(const ms_pcg *s) {
 
 /* The block of this rank in the matrix of the modes of ranks is known where the coarse matrix is of
  * this very matrix, and rounding, which it shares with no other rank, is harmless. */
-static const double *find_own_block(const ms_pcg *s) {
+static const double *find_own_block(const ms_pcg *s, int may_round) {
   const ms_coarse *coarse = &s->coarse;
   const int is_this = s->coarse_is_ready && s->coarse_age == 0 && !coarse->drops_negative_t &&
                       coarse->nconstrained == 0 && !coarse->is_constrained_more;
-  return is_this && may_round_vectors(s) ? coarse->overlap->matrix : NULL;
+  return is_this && may_round ? coarse->overlap->matrix : NULL;
 }
 
 static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)err;
   ms_pcg *s = (ms_pcg *)base;
   msim_status status = factor_own(s, kind);
+  const int may_round = may_round_vectors(s);
   /* any: a coarse space is worthwhile on a rank */
-  ms_agreement bits = {.all = may_round_vectors(s) ? 1u : 0u, .any = base->aggregates > 0};
+  ms_agreement bits = {.all = may_round ? 1u : 0u, .any = base->aggregates > 0};
   status = ms_ranks_agree_on(base->system->model->shape.ranks, status, &bits, NULL);
   s->rounds_vectors = bits.all > 0;
   if (!s->modes) return status;
   s->modes->is_ready = 0;
   if (!status && bits.any)
-    ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale, find_own_block(s));
+    ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale,
+                         find_own_block(s, may_round));
   s->coarse.leaves_overlap = s->coarse_is_ready && s->modes->is_ready;
   return status;
 }
