@@ -113,7 +113,7 @@ static void scalar_matrices(void **state) {
 typedef struct counting_comm {
   msim_comm table;
   const msim_comm *of;
-  int64_t sums, maxima, gathers, exchanges;
+  int64_t sums, maxima, gathers, parts, exchanges;
   int32_t most; /* numbers in a sum */
 } counting_comm;
 
@@ -142,10 +142,11 @@ static msim_status count_exchange(void *self, int32_t n, const msim_comm_message
   return c->of->exchange_begin(c->of->self, n, messages);
 }
 
-static msim_status pass_gather_parts(void *self, const int64_t *bytes, const void *mine,
-                                     void *all) {
-  const msim_comm *of = ((counting_comm *)self)->of;
-  return of->gather_parts(of->self, bytes, mine, all);
+static msim_status count_gather_parts(void *self, const int64_t *bytes, const void *mine,
+                                      void *all) {
+  counting_comm *c = self;
+  c->parts++;
+  return c->of->gather_parts(c->of->self, bytes, mine, all);
 }
 
 static msim_status pass_broadcast(void *self, int32_t root, int64_t bytes, void *data) {
@@ -178,7 +179,7 @@ static counting_comm count_calls(const msim_comm *of) {
                                    .sum = count_sum,
                                    .maximum = count_maximum,
                                    .gather = count_gather,
-                                   .gather_parts = pass_gather_parts,
+                                   .gather_parts = count_gather_parts,
                                    .broadcast = pass_broadcast,
                                    .all_to_all = pass_all_to_all,
                                    .exchange_begin = count_exchange,
@@ -232,6 +233,57 @@ static void three_calls_an_iteration(void **state) {
   msim_scene_destroy(cloth);
 }
 
+/* The coarse factor of a rank is new where that of another rank is, and the matrix of the modes of
+ * ranks, for which parts are gathered, with them. */
+static const char *check_kept_factors(msim_comm *comm, void *data) {
+  enum { STEPS = 30 };
+  counting_comm c = count_calls(comm);
+  msim_options opt = options("linearly-implicit-euler", 2e-2);
+  msim_sim *sim = NULL;
+  msim_error why = {0};
+  msim_stats stats = {.size = sizeof stats};
+  c.table.self = &c;
+  opt.comm = &c.table, opt.solver = "pcg";
+  EXPECT(msim_sim_create(data, &opt, &sim, &why) == MSIM_OK);
+  for (int i = 0; i < STEPS; i++) {
+    const int64_t before = stats.coarse_factors;
+    c.parts = 0;
+    EXPECT(msim_sim_step(sim, 1, &why) == MSIM_OK && msim_sim_stats(sim, &stats) == MSIM_OK);
+    double made[] = {(double)(stats.coarse_factors - before),
+                     (double)(before - stats.coarse_factors)};
+    EXPECT(c.parts == (int64_t)made[0]);
+    EXPECT(comm->maximum(comm->self, 2, made) == MSIM_OK && made[0] == -made[1]);
+  }
+  EXPECT(stats.coarse_factors > 1 && stats.kept_factors > 1);
+  EXPECT(stats.coarse_factors + stats.kept_factors == STEPS);
+  msim_sim_destroy(sim);
+  return NULL;
+}
+
+/* One block hangs still, and the other one swings. */
+static void coarse_factors_are_kept_together(void **state) {
+  const double g[3] = {0, 0, -9.81};
+  msim_scene *scene;
+  (void)state;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  for (int i = 0; i < 2; i++) {
+    const int32_t pinned[] = {0, 99};
+    const msim_lattice block = {.size = sizeof block,
+                                .n = {10, 10, 10},
+                                .origin = {2. * i, 0, 0},
+                                .extent = {1, 1, 1},
+                                .mass = 1,
+                                .k = 1e4,
+                                .npinned = i + 1,
+                                .pinned = pinned};
+    assert_ok(msim_scene_add_lattice(scene, &block, err));
+  }
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  const char *wrong = run_ranks(2, check_kept_factors, scene);
+  if (wrong) fail_msg("%s", wrong);
+  msim_scene_destroy(scene);
+}
+
 static const char *check_long_sum(msim_comm *comm, void *data) {
   counting_comm c = count_calls(comm);
   msim_error why = {0};
@@ -265,6 +317,7 @@ int main(void) {
       cmocka_unit_test(dependent_modes),
       cmocka_unit_test(scalar_matrices),
       cmocka_unit_test(three_calls_an_iteration),
+      cmocka_unit_test(coarse_factors_are_kept_together),
       cmocka_unit_test(long_sums_are_made_in_pieces),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);

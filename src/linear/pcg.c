@@ -157,36 +157,37 @@ static size_t count_compared(const ms_pcg *s) {
   return (size_t)rows->dims * (size_t)rows->first_pinned;
 }
 
-/* 1 if the coarse factor can be reused: the matrix, judged by the diagonal of D^-1, has hardly
- * changed. That is so in solids, but not in moving cloth, where the iterations that a lagged factor
- * adds cost more than a new one. Each matrix of Newton's method takes few iterations, so that there
- * a factor serves at least SEVERAL matrices. Changed constraints require a new factor, but not
- * within a step, where the modes of particles that join are set to 0, and those of particles that
- * leave stay 0. */
-static int can_reuse_coarse_factor(ms_pcg *s, int32_t kind) {
+/* 1 if the coarse factor, if there is one, can be reused: the matrix, judged by the diagonal of
+ * D^-1, has hardly changed. That is so in solids, but not in moving cloth, where iterations that a
+ * lagged factor adds cost more than a new one. Each matrix of Newton's method takes few
+ * iterations, so that there a factor serves at least SEVERAL matrices. Changed constraints require
+ * a new factor, but not within a step, where the modes of particles that join are set to 0, and
+ * those of particles that leave stay 0. */
+static int can_keep_coarse_factor(const ms_pcg *s, int32_t kind) {
   enum { SEVERAL = 8 };
   const double HARDLY = 0.05;
-  if (!s->may_reuse_coarse || !s->coarse_is_ready || s->factored_scale != s->jacobi.scale) return 0;
-  if (!ms_coarse_is_constrained_by(&s->coarse, s->base.system->a.constraint,
-                                   s->base.system->a.nconstraints))
+  const ms_linear_system *system = s->base.system;
+  if (!s->base.aggregates) return 1;
+  if (!s->coarse_is_ready || s->factored_scale != s->jacobi.scale) return 0;
+  if (system->continues) return 1;
+  if (!s->may_reuse_coarse ||
+      !ms_coarse_is_constrained_by(&s->coarse, system->a.constraint, system->a.nconstraints))
     return 0;
-  if (kind == MSIM_FACTOR_SYMMETRIC && s->coarse_age < SEVERAL) return 1;
+  if (kind == MSIM_FACTOR_SYMMETRIC && s->coarse_age + 1 < SEVERAL) return 1;
   return relative_distance(s->factored_inverse, s->inverse, count_compared(s)) <= HARDLY;
+}
+
+static void keep_coarse_factor(ms_pcg *s) {
+  const ms_linear_system *system = s->base.system;
+  s->coarse_age++;
+  s->base.reused_coarse_factors++;
+  if (system->continues)
+    ms_coarse_constrain_more(&s->coarse, system->a.constraint, system->a.nconstraints);
+  else ms_coarse_constrain(&s->coarse, system->a.constraint, system->a.nconstraints);
 }
 
 static msim_status factor_coarse(ms_pcg *s, int32_t kind) {
   const ms_linear_system *system = s->base.system;
-  s->coarse_age++;
-  if (system->continues && s->coarse_is_ready && s->factored_scale == s->jacobi.scale) {
-    ms_coarse_constrain_more(&s->coarse, system->a.constraint, system->a.nconstraints);
-    s->base.reused_coarse_factors++;
-    return MSIM_OK;
-  }
-  if (can_reuse_coarse_factor(s, kind)) {
-    ms_coarse_constrain(&s->coarse, system->a.constraint, system->a.nconstraints);
-    s->base.reused_coarse_factors++;
-    return MSIM_OK;
-  }
   memcpy(s->factored_inverse, s->inverse, count_compared(s) * sizeof *s->factored_inverse);
   s->factored_scale = s->jacobi.scale;
   s->coarse_age = 0;
@@ -208,14 +209,12 @@ static void clear_padding(ms_shape s, double *x) {
     memset(x + c * (size_t)s.stride + s.n, 0, (size_t)(s.stride - s.n) * sizeof *x);
 }
 
-static msim_status factor_own(ms_pcg *s, int32_t kind) {
+static msim_status factor_jacobi(ms_pcg *s, int32_t kind) {
   const ms_model *model = s->base.system->model;
   const ms_coefficients *a = &s->base.system->a;
   clear_padding(ms_coefficients_diagonal_shape(&model->unknowns, a), s->jacobi.inverse);
   msim_status status = ms_jacobi_invert(model, a, kind, &s->jacobi);
-  if (status) return status;
-  pcg_run(pack_chunk, &(pcg_sweep){.s = s});
-  if (s->base.aggregates) status = factor_coarse(s, kind);
+  if (!status) pcg_run(pack_chunk, &(pcg_sweep){.s = s});
   return status;
 }
 
@@ -240,18 +239,24 @@ static const double *find_own_block(const ms_pcg *s, int may_round) {
   return is_this && may_round ? coarse->overlap->matrix : NULL;
 }
 
+/* The coarse factors of all ranks and the factor of their modes are of the same matrix. */
 static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   (void)err;
   ms_pcg *s = (ms_pcg *)base;
-  msim_status status = factor_own(s, kind);
+  ms_ranks *ranks = base->system->model->shape.ranks;
+  msim_status status = factor_jacobi(s, kind);
+  ms_agreement keeps = {.all = !status && can_keep_coarse_factor(s, kind)};
+  status = ms_ranks_agree_on(ranks, status, &keeps, NULL);
+  if (!status && base->aggregates && keeps.all) keep_coarse_factor(s);
+  else if (!status && base->aggregates) status = factor_coarse(s, kind);
   const int may_round = may_round_vectors(s);
   /* any: a coarse space is worthwhile on a rank */
   ms_agreement bits = {.all = may_round ? 1u : 0u, .any = base->aggregates > 0};
-  status = ms_ranks_agree_on(base->system->model->shape.ranks, status, &bits, NULL);
+  status = ms_ranks_agree_on(ranks, status, &bits, NULL);
   s->rounds_vectors = bits.all > 0;
   if (!s->modes) return status;
-  s->modes->is_ready = 0;
-  if (!status && bits.any)
+  if (status || !keeps.all) s->modes->is_ready = 0;
+  if (!status && bits.any && !s->modes->is_ready)
     ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale,
                          find_own_block(s, may_round));
   s->coarse.leaves_overlap = s->coarse_is_ready && s->modes->is_ready;
