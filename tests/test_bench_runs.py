@@ -298,8 +298,9 @@ class Forces(BenchTest):
 
 
 class Distributed(BenchTest):
-    KEYS = {"explicit_speedup_2", "implicit_step_speedup_2", "one_rank_over_alone_explicit",
-            "one_rank_over_alone_implicit", "iterations_over_alone", "iterations_over_alone_16",
+    KEYS = {"explicit_speedup_2", "explicit_speedup_2_apart", "implicit_step_speedup_2",
+            "one_rank_over_alone_explicit", "one_rank_over_alone_implicit",
+            "iterations_over_alone", "iterations_over_alone_16",
             "halo_bytes_over_model_2", "halo_bytes_over_model_64", "largest_over_mean",
             "bytes_a_particle_explicit", "bytes_a_particle_implicit"}
 
@@ -312,6 +313,10 @@ class Distributed(BenchTest):
         for row in self.find(rows, measure="strong"):
             with self.subTest(row):
                 self.check_row(row)
+        halves = self.find(rows, measure="halves")
+        self.assertEqual([(row["ranks"], "exchanges" in row) for row in halves], 2 * [(2, False)])
+        self.assertEqual(summary["explicit_speedup_2_apart"],
+                         min(row["speedup"] for row in halves))
         self.check_parts(rows, summary)
         self.check_counts(rows, summary)
         self.check_model(self.find(rows, measure="model"))

@@ -12,8 +12,8 @@
 #include "../common/mpirun.h"
 #include "cases.h"
 
-enum { MOST_CANDIDATES = MAX_RANK_COUNTS + 2 };
-#define EXPLICIT_STEP 1e-6 /* s: stable in all scenes */
+enum { MOST_CANDIDATES = MAX_RANK_COUNTS + 2 }; /* alone, and PETSc or halves */
+#define EXPLICIT_STEP 1e-6                      /* s: stable in all scenes */
 
 typedef struct distributed_plan {
   distributed_case strong[6]; /* up to one of 0 steps */
@@ -182,6 +182,12 @@ static void report_ranks(distributed_bench *b, const distributed_case *c, const 
   if (n <= 4) b->worst.over_alone = fmax(b->worst.over_alone, iterations);
 }
 
+static int has_ranks(const distributed_bench *b, int32_t low, int32_t high) {
+  for (int i = 0; i < b->nranks; i++)
+    if (b->ranks[i] >= low && b->ranks[i] <= high) return 1;
+  return 0;
+}
+
 /* PETSc's own conjugate gradients and multigrid on the same ranks */
 static timing_candidate *add_petsc(const distributed_bench *b, const distributed_case *c,
                                    const moving_scene *m, rank_comparison *r) {
@@ -202,24 +208,48 @@ static void report_petsc(const distributed_bench *b, const distributed_case *c,
   report_key(b->run->report, key, over(petsc, ours));
 }
 
+/* Two scenes half as large, one on each of two threads, which share the memory bus alone: what two
+ * ranks could reach. half: to be freed; NULL: not created */
+static timing_candidate *add_halves(const distributed_bench *b, const distributed_case *c,
+                                    rank_comparison *r, moving_scene *half) {
+  distributed_case smaller = *c;
+  smaller.scene.side = (int32_t)lround(c->scene.side / (c->scene.solid ? cbrt(2) : sqrt(2)));
+  if (!distributed_scene_create(b, &smaller, half)) return NULL;
+  rank_run run = distributed_run(b, c, half, 2);
+  run.apart = 1;
+  add_rank_run(r, "two halves", &run);
+  return &r->all[r->count - 1];
+}
+
+static void report_halves(distributed_bench *b, const distributed_case *c, const moving_scene *m,
+                          const moving_scene *half, const timing_candidate *alone,
+                          const timing_candidate *t) {
+  const double speedup = over(alone, t) * 2 * half->view.nparticles / (double)m->view.nparticles;
+  report_run(b, "halves", half, c, t, "speedup", speedup);
+  b->worst.speedup_apart = fmin(b->worst.speedup_apart, speedup);
+}
+
 static void measure_strong(distributed_bench *b, const distributed_case *c) {
-  moving_scene m;
+  moving_scene m, half = {0};
   rank_comparison *r = calloc(1, sizeof *r);
-  timing_candidate *petsc = NULL;
+  timing_candidate *petsc = NULL, *halves = NULL;
   if (r && distributed_scene_create(b, c, &m)) {
     print_case(c->scene.name, c, &m);
     add_ranks(r, b, c, &m, ALONE);
     for (int i = 0; i < b->nranks; i++) add_ranks(r, b, c, &m, b->ranks[i]);
     if (b->processes && c->implicit) petsc = add_petsc(b, c, &m, r);
+    if (!b->processes && !c->implicit && has_ranks(b, 2, 2)) halves = add_halves(b, c, r, &half);
     time_comparison(b, r);
     if (!is_interrupted()) {
       report_run(b, "strong", &m, c, &r->all[0], "speedup", NAN);
       for (int i = 0; i < b->nranks; i++) report_ranks(b, c, &m, &r->all[0], &r->all[1 + i]);
       if (petsc) report_petsc(b, c, &m, r, petsc);
+      if (halves) report_halves(b, c, &m, &half, &r->all[0], halves);
     }
     fflush(stdout);
   }
   if (r) free_comparison(r);
+  moving_scene_free(&half);
   moving_scene_free(&m);
 }
 
@@ -284,16 +314,11 @@ static void choose_ranks(distributed_bench *b) {
   memcpy(b->ranks, w->nranks ? w->ranks : usual, (size_t)b->nranks * sizeof *b->ranks);
 }
 
-static int has_ranks(const distributed_bench *b, int32_t low, int32_t high) {
-  for (int i = 0; i < b->nranks; i++)
-    if (b->ranks[i] >= low && b->ranks[i] <= high) return 1;
-  return 0;
-}
-
 static void report_keys(const distributed_bench *b) {
   report *r = b->run->report;
   if (has_ranks(b, 2, 2)) {
     report_key(r, "explicit_speedup_2", b->worst.speedup_2[0]);
+    if (!b->processes) report_key(r, "explicit_speedup_2_apart", b->worst.speedup_apart);
     report_key(r, "implicit_step_speedup_2", b->worst.speedup_2[1]);
   }
   if (has_ranks(b, 1, 1)) {
@@ -311,7 +336,7 @@ int bench_distributed(bench_run *run) {
                          .collectives = NAN,
                          .bytes = {NAN, NAN},
                          .shared_bytes = NAN,
-                         .worst = {{NAN, NAN}, {NAN, NAN}, NAN}};
+                         .worst = {{NAN, NAN}, {NAN, NAN}, NAN, NAN}};
   choose_ranks(&b);
   if (!open_processes(&b)) return EXIT_ERROR;
   for (const distributed_case *c = b.plan->strong; c->steps && !is_interrupted(); c++)
