@@ -4,6 +4,7 @@
 
 #include "auto_scenes.h"
 #include "choose/pilot_run.h"
+#include "contact/impact_location.h"
 #include "methods/methods.h"
 
 #define GRAVITY 9.81
@@ -154,6 +155,23 @@ static void expensive_trials_end(void **state) {
   tear_down(&f);
 }
 
+/* The end of a step of rk4 that is too long to be divided at impacts is corrected along the path of
+ * each particle that meets the plane. */
+static void paths_of_other_methods_count(void **state) {
+  (void)state;
+  fall f;
+  set_up(GRAVITY * STEP * STEP / 8, 0, &f);
+  msim_options opt = options_of("rk4", 0, STEP);
+  opt.h = STEP, opt.collision = MSIM_COLLISION_EVENT;
+  assert_true(STEP > ms_impact_location_longest_step(&ms_rk4, sqrt(2 * 1000.)));
+  msim_sim *sim = make_sim(f.scene, &opt);
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_int_equal(stats_of(sim).contacts, 2);
+  assert_int_equal(sim->islands->stepper.paths, 2);
+  msim_sim_destroy(sim);
+  tear_down(&f);
+}
+
 /* Two particles rest on the plane. */
 static void paths_count(void **state) {
   (void)state;
@@ -209,6 +227,7 @@ int main(void) {
       cmocka_unit_test(free_particles_are_counted),
       cmocka_unit_test(error_control_starts_late),
       cmocka_unit_test(expensive_trials_end),
+      cmocka_unit_test(paths_of_other_methods_count),
       cmocka_unit_test(paths_count),
       cmocka_unit_test(errors_grow_most_where_damping_is_weak)};
   return cmocka_run_group_tests_name("pilot_run", tests, NULL, NULL);

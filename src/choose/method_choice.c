@@ -69,6 +69,8 @@ static int is_controlled(int i) {
   return i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED || i == IMPLICIT;
 }
 
+/* A run that has begun keeps its grid of steps, so that error control is no candidate: then others
+ * are, however few the particles are. */
 static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
   if (i == LEAPFROG_METHOD && planes && few) return MS_REASON_FEW_IMPACTS;
@@ -85,7 +87,7 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   if (!p->many && !planes && !ms_control_is_supported(candidate_method(p, i)))
     return MS_REASON_UNVERIFIED;
   if (i == ERROR_CONTROLLED && p->mid_run) return MS_REASON_ON_GRID;
-  if (i != ERROR_CONTROLLED && p->few) return MS_REASON_FEW_PARTICLES;
+  if (i != ERROR_CONTROLLED && p->few && !p->mid_run) return MS_REASON_FEW_PARTICLES;
   return MS_REASON_NONE;
 }
 
@@ -167,6 +169,15 @@ static msim_status measure_error(ms_pilot_run *p, double least, ms_candidate *c,
   return status;
 }
 
+/* After a trial that cost more than the others are expected to: `least`. They may turn out more
+ * expensive by far, above all where impacts determine errors: beyond twice that the method is tried
+ * again. */
+static void postpone(double least, ms_candidate *c) {
+  c->rejection = MS_REASON_COSTS_MORE;
+  c->cost_rate = 2 * least;
+  c->error = 0;
+}
+
 /* Find the step whose error is tol: errors go like h^k once they are small (ROUGH). A step that is
  * more than twice as long or as short as the one tried has to be tried itself. The first trial,
  * mostly of the longest stable step, contains errors of fast modes that fall faster than h^k: with
@@ -179,7 +190,7 @@ static msim_status try_candidate_step(ms_pilot_run *p, int i, double least, ms_c
   const double k = make_trial(p, c).order, h = c->h;
   const int may_fall_faster = c->error == 0 && k == 4 && !p->planes_count;
   msim_status status = measure_error(p, least, c, err);
-  if (c->rejection) c->tried = 1, c->cost_rate = INFINITY;
+  if (c->rejection) postpone(least, c);
   if (status || c->rejection) return status;
   const double rounding = p->scales.rounding * p->span / (h * sqrt(ms_pilot_run_trial_steps(p, h)));
   const double ratio = p->tol / c->error,
@@ -226,9 +237,9 @@ static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candi
   const int arrived = trial->run.t >= t || (double)trial->run.step >= steps;
   msim_sim_destroy(trial);
   c->step_cost *= SUMS;
-  c->cost_rate = arrived ? c->step_cost / c->h : INFINITY;
-  if (!arrived) c->rejection = MS_REASON_COSTS_MORE;
-  c->tried = 1;
+  c->cost_rate = c->step_cost / c->h;
+  c->tried = arrived;
+  if (!arrived) postpone(least, c);
   return status;
 }
 
@@ -274,13 +285,16 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
        s->best = most_promising(p, c)) {
     const int i = s->best;
     const double least = least_tried_cost(p, i, c);
+    c[i].rejection = MS_REASON_NONE;
     status = is_controlled(i) ? try_controlled(p, i, least, &c[i], err)
                               : try_candidate_step(p, i, least, &c[i], &most[i], err);
     if (i == ERROR_CONTROLLED) expect_fixed_steps(p, c[i].h, &c[EIGHTH]);
     c[i].tried |= ++tries[i] == PATIENCE;
+    if (c[i].tried && c[i].rejection) c[i].cost_rate = INFINITY;
   }
   for (int i = 0; i < MS_CANDIDATES; i++)
-    if (c[i].cost_rate < c[s->best].cost_rate) c[i].rejection = MS_REASON_TRIAL_TOO_EXPENSIVE;
+    if (c[i].rejection == MS_REASON_COSTS_MORE) c[i].tried = 1, c[i].cost_rate = INFINITY;
+    else if (c[i].cost_rate < c[s->best].cost_rate) c[i].rejection = MS_REASON_TRIAL_TOO_EXPENSIVE;
   return status;
 }
 
