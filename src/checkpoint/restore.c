@@ -151,7 +151,8 @@ static void set_next_frame(msim_sim *sim, const ms_saved_run *r) {
   sim->run.frame = same ? r->run.frame : ms_frames_after(&sim->config.plan, opt, r->run.t_shown);
 }
 
-/* Copy the run into the sim; this cannot fail. */
+/* Copy the run into the sim; this cannot fail. Springs may be others than those that its islands
+ * were built for. */
 static void set_run(msim_sim *sim, const ms_saved_run *r) {
   const ms_scene *scene = sim->scene;
   const size_t bytes = 3 * (size_t)scene->nparticles * sizeof(double);
@@ -161,6 +162,8 @@ static void set_run(msim_sim *sim, const ms_saved_run *r) {
   sim->error_growth = r->error_growth;
   set_next_frame(sim, r);
   ms_sim_set_pins(sim);
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    ms_stepper_set_bounds(sim->config.integrator, &m->stepper);
   /* what no vector holds: particles that belong to no island, and the axis left out */
   if (sim->state_x) memcpy(sim->state_x, scene->x, bytes);
   if (sim->state_v) memcpy(sim->state_v, scene->v, bytes);

@@ -30,8 +30,7 @@ static msim_status step_and_reflect(const ms_integrator *method, ms_stepper *s, 
 
 msim_status ms_events_step(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   if (!s->events) return method->step(s, err);
-  const int is_stiff =
-      method->entry.implicit && s->h * ms_bounds_compute_island(s->model).omega > 2;
+  const int is_stiff = method->entry.implicit && s->h * s->bounds.omega > 2;
   if (s->opt->collision == MSIM_COLLISION_REFLECT && !is_stiff)
     return step_and_reflect(method, s, err);
   begin_event_step(method, s);

@@ -17,7 +17,6 @@ typedef struct substeps {
   ms_contact_set *e;
   double h, done;   /* s: the length of the step, and of the substeps made */
   double work;      /* J: work_in_step of the substeps made */
-  ms_bounds bounds; /* on frequencies and rates of damping */
   int may_divide;   /* the step is divided: the order of the method exceeds that of paths, 2 */
   int nsubsteps;    /* substeps made, but for the last */
   int cached_stage; /* the cached-stage tag for the next substep */
@@ -40,7 +39,7 @@ typedef struct impact {
  * h (omega^2 |dx|/3 + rate |dv|/2). Shallow impacts have been accepted before (is_shallow). */
 static void estimate_path_error(const substeps *j, int32_t row, const ms_particle_path *p) {
   ms_stepper *s = j->s;
-  const ms_bounds *b = &j->bounds;
+  const ms_bounds *b = &s->bounds;
   double bend[3], da[3], dx[3], dv[3];
   ms_unknowns_get(&s->model->unknowns, s->x_next, row, dx);
   ms_unknowns_get(&s->model->unknowns, s->v_next, row, dv);
@@ -86,7 +85,7 @@ static int may_reach_plane(const substeps *j, int32_t row, const msim_plane *p) 
   ms_unknowns_get(rows, s->v_next, row, v[1]);
   const double u0 = s->h * ms_vec3_dot(p->normal, v[0]), u1 = s->h * ms_vec3_dot(p->normal, v[1]);
   const double s0 = ms_impacts_distance(p, x[0]), s1 = ms_impacts_distance(p, x[1]),
-               z = s->h * j->bounds.omega;
+               z = s->h * s->bounds.omega;
   const double bend =
       fmax(fabs(6 * (s1 - s0) - 4 * u0 - 2 * u1), fabs(6 * (s0 - s1) + 2 * u0 + 4 * u1));
   const ms_bernstein cubic = ms_bernstein_cubic(s0, u0, s1, u1);
@@ -159,7 +158,7 @@ static int may_meet_solid(const substeps *j, int32_t row) {
   ms_unknowns_get(rows, s->x_next, row, x[1]);
   ms_unknowns_get(rows, s->v_next, row, u[1]);
   for (int c = 0; c < 3; c++) u[0][c] *= s->h, u[1][c] *= s->h;
-  const double bend = find_largest_bend(x, u), z = s->h * j->bounds.omega,
+  const double bend = find_largest_bend(x, u), z = s->h * s->bounds.omega,
                fastest = fmax(ms_vec3_norm(u[0]), ms_vec3_norm(u[1])) + bend,
                near = z * z / 96 * bend + ms_impacts_distance_tolerance(&planes, x[0]);
   for (int32_t i = 0; i < planes.nsolids; i++) {
@@ -393,7 +392,7 @@ double ms_impact_location_longest_step(const ms_integrator *method, double omega
  * the impact. Methods with one estimate of their own, of order 2, do not permit this error. */
 static int is_shallow(const substeps *j, double depth) {
   const int may_pass = !j->method->estimate || j->method->two_estimates;
-  return may_pass && depth <= j->s->x_tolerance && j->bounds.rate * depth <= j->s->v_tolerance;
+  return may_pass && depth <= j->s->x_tolerance && j->s->bounds.rate * depth <= j->s->v_tolerance;
 }
 
 static msim_status make_parts(substeps *j, msim_error *err) {
@@ -439,8 +438,7 @@ msim_status ms_impact_location_step(const ms_integrator *method, ms_stepper *s, 
                 .work = s->work_in_step,
                 .cached_stage = s->cached_stage};
   e->bounce_reach = s->one_substep ? s->x_tolerance : INFINITY;
-  j.bounds = ms_bounds_compute_island(s->model);
-  j.may_divide = j.h <= ms_impact_location_longest_step(method, j.bounds.omega);
+  j.may_divide = j.h <= ms_impact_location_longest_step(method, s->bounds.omega);
   const msim_status status = make_parts(&j, err);
   if (status) return status;
   if (j.nsubsteps || (e->ncontacts && !method->entry.implicit)) s->cached_stage_next = 0;

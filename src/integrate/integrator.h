@@ -35,7 +35,7 @@ typedef struct ms_stepper {
   double h_before;     /* of the step that led to the present state, or its last substep */
   int64_t parts;       /* substeps of equal length in the step being made */
   int64_t part;        /* the one being made, from 0 */
-  ms_bounds bounds;    /* of the island, if the method has stages() */
+  ms_bounds bounds;    /* of the island, if the method has stages(), or with planes or colliders */
   double *x_spare[2];  /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];
   int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
@@ -108,7 +108,8 @@ static inline void ms_stepper_swap(double **a, double **b) {
   *a = *b, *b = between;
 }
 
-/* Sets s->bounds, on which the number of stages depends, after the method or springs changed. */
+/* Sets s->bounds, on which the number of stages and the location of impacts depend, after the
+ * method, springs or forces changed. */
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 
 /* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */

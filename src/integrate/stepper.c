@@ -8,7 +8,8 @@
 #include "physics/single.h"
 
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
-  if (method->stages) s->bounds = ms_bounds_compute_island(s->model);
+  if (method->stages || s->model->features & MS_HAS_PLANES)
+    s->bounds = ms_bounds_compute_island(s->model);
 }
 
 void ms_stepper_init_stage(const ms_stepper *s, double *stage) {
