@@ -9,8 +9,10 @@
  * one text for errors in all threads, hence the lock; damaged files may crash it. */
 #define _POSIX_C_SOURCE 200809L /* stat */
 #include <errno.h>
+#include <limits.h>
 #include <pthread.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
@@ -20,6 +22,7 @@
 #include <assimp/scene.h>
 #include <assimp/version.h>
 
+#include "cleaned.h"
 #include "msim/importer.h"
 #include "ply.h"
 #include "stl.h"
@@ -198,15 +201,30 @@ static void keep_warning_of_loss(const char *message, char *kept) {
     snprintf(kept, MOST_WARNING, "%.*s", (int)strcspn(text + 2, ".\n"), text + 2);
 }
 
+/* NULL: refused, with the reason in aiGetErrorString(), or in *status. */
+static const struct aiScene *import_text(const msim_host *host, const char *path,
+                                         msim_status *status) {
+  char *text;
+  size_t length;
+  *status = assimp_cleaned_read(host, path, &text, &length);
+  if (*status) return NULL;
+  if (!text) return aiImportFile(path, 0);
+  const struct aiScene *scene =
+      length <= UINT_MAX ? aiImportFileFromMemory(text, (unsigned)length, 0, strrchr(path, '.') + 1)
+                         : aiImportFile(path, 0);
+  free(text);
+  return scene;
+}
+
 /* NULL: refused, and *status is set. */
 static const struct aiScene *import_whole(const msim_host *host, const char *path,
                                           msim_status *status) {
   char loss[MOST_WARNING] = "";
   const struct aiLogStream log = {keep_warning_of_loss, loss};
   aiAttachLogStream(&log);
-  const struct aiScene *scene = aiImportFile(path, 0);
+  const struct aiScene *scene = import_text(host, path, status);
   aiDetachLogStream(&log);
-  if (!scene) *status = fail_import(host);
+  if (!scene && !*status) *status = fail_import(host);
   if (!scene || !*loss) return scene;
   aiReleaseImport(scene);
   host->fail(host, "it is damaged: %s", loss);

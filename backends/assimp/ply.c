@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mark.h"
+
 typedef struct number_type {
   const char *name, *alias;
   int size; /* bytes */
@@ -201,9 +203,11 @@ msim_status assimp_ply_check(const msim_host *host, const char *path) {
   char start[4] = "";
   ply p = {.file = fopen(path, "rb")};
   if (!p.file) return MSIM_OK;
+  assimp_skip_mark(p.file);
+  const long begin = ftell(p.file);
   const int is_ply = fread(start, 1, 3, p.file) == 3 && strcmp(start, "ply") == 0;
-  rewind(p.file);
-  const msim_status status = is_ply ? check_ply(host, &p) : MSIM_OK;
+  const msim_status status =
+      is_ply && fseek(p.file, begin, SEEK_SET) == 0 ? check_ply(host, &p) : MSIM_OK;
   fclose(p.file);
   return status;
 }

@@ -1,5 +1,6 @@
 #define _POSIX_C_SOURCE 200809L /* strcasecmp */
 #include "stl.h"
+#include "mark.h"
 
 #include <stdint.h>
 #include <stdio.h>
@@ -16,15 +17,21 @@ typedef struct text {
 } text;
 
 /* Binary files may begin like text; they have 50 bytes a facet, whose number stands in byte 80. */
-static int is_text(FILE *file) {
+static int is_binary(FILE *file) {
   char head[84] = "";
   uint32_t nfacets;
   const size_t n = fread(head, 1, sizeof head, file);
   memcpy(&nfacets, head + 80, sizeof nfacets);
-  const int is_binary =
-      n == sizeof head && fseek(file, 0, SEEK_END) == 0 && ftell(file) == 84 + 50 * (long)nfacets;
-  rewind(file);
-  return strncmp(head, "solid", 5) == 0 && !is_binary;
+  return n == sizeof head && fseek(file, 0, SEEK_END) == 0 &&
+         ftell(file) == 84 + 50 * (long)nfacets;
+}
+
+int assimp_stl_is_text(FILE *file) {
+  char word[6] = "";
+  const int binary = is_binary(file);
+  assimp_skip_mark(file);
+  const int is_solid = fscanf(file, " %5s", word) == 1 && strcasecmp(word, "solid") == 0;
+  return is_solid && !binary && fseek(file, -5, SEEK_CUR) == 0;
 }
 
 static void skip_line(FILE *file) {
@@ -77,7 +84,7 @@ static msim_status check_text(const msim_host *host, text *t) {
 msim_status assimp_stl_check(const msim_host *host, const char *path) {
   text t = {.file = fopen(path, "rb"), .ncorners = -1, .is_open = 1};
   if (!t.file) return MSIM_OK;
-  const msim_status status = is_text(t.file) ? check_text(host, &t) : MSIM_OK;
+  const msim_status status = assimp_stl_is_text(t.file) ? check_text(host, &t) : MSIM_OK;
   fclose(t.file);
   return status;
 }
