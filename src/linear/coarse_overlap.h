@@ -1,7 +1,7 @@
 /* coarse_overlap - what the coarse space of a rank shares with the modes of ranks (rank_modes.h)
  *
- * The affine motions of a whole rank belong to both, and both would correct them: that adds up to 1
- * to the largest eigenvalue of B A. The coarse correction, which knows of no other rank, leaves
+ * The affine motions of a patch belong to both, and both would correct them: that adds up to 1 to
+ * the largest eigenvalue of B A. The coarse correction, which knows of no other rank, leaves
  * them to those modes:
  *     z = A^-1 r - R (R^T A R)^-1 R^T r,
  * where A is the coarse matrix of the rank, and R has these motions in terms of the coarse modes:
@@ -15,13 +15,15 @@
 #include "linear/coarse.h"
 
 struct ms_coarse_overlap {
+  int32_t n;                   /* patches (rank_patches.h) */
+  int32_t *patch;              /* aggregates.n: of each; -1: none */
   double (*motions)[MS_MODES]; /* 4 aggregates.n: R, of each mode; alike in each component */
   int32_t nlinks;
   int32_t (*links)[3]; /* pairs of aggregates that springs connect, and their blocks in `value` */
-  double *matrix;      /* R^T A R, by columns; then chol.value */
-  ms_block_cholesky chol; /* its factor, one block */
+  double *matrix;      /* R^T A R, a block for each patch, by columns; then chol.value */
+  ms_block_cholesky chol; /* its factor */
   int is_factored;
-  double *b; /* R^T r, by component */
+  double *b; /* R^T r, by patch and component */
 };
 
 /* graph: the aggregates that springs connect with each one */

@@ -230,9 +230,9 @@ static int may_round_vectors(const ms_pcg *s) {
   return 4 * U * s->jacobi.scale <= least;
 }
 
-/* The block of this rank in the matrix of the modes of ranks is known where the coarse matrix is of
- * this very matrix, and rounding, which it shares with no other rank, is harmless. */
-static const double *find_own_block(const ms_pcg *s, int may_round) {
+/* The blocks of this rank in the matrix of the modes of ranks are known where the coarse matrix is
+ * of this very matrix, and rounding, which they share with no other rank, is harmless. */
+static const double *find_own_blocks(const ms_pcg *s, int may_round) {
   const ms_coarse *coarse = &s->coarse;
   const int is_this = s->coarse_is_ready && s->coarse_age == 0 && !coarse->drops_negative_t &&
                       coarse->nconstrained == 0 && !coarse->is_constrained_more;
@@ -258,7 +258,7 @@ static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   if (status || !keeps.all) s->modes->is_ready = 0;
   if (!status && bits.any && !s->modes->is_ready)
     ms_rank_modes_factor(s->modes, &base->system->a, 1 / s->jacobi.scale,
-                         find_own_block(s, may_round));
+                         find_own_blocks(s, may_round));
   s->coarse.leaves_overlap = s->coarse_is_ready && s->modes->is_ready;
   return status;
 }

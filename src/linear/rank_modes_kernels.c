@@ -2,6 +2,7 @@
 #include "linear/rank_modes_kernels.h"
 
 #include "base/simd.h"
+#include "linear/rank_patches.h"
 
 MS_INLINE ms_quad weights_of(const ms_rank_modes *q, size_t row) {
   return ms_simd_load_quad(q->weight[row]);
@@ -42,15 +43,16 @@ MS_INLINE void add_own_column(size_t dims, const ms_rank_modes *q, int32_t j, do
     for (size_t c = b; c < dims; c++) sum[b][c] += block[b][c] * w;
 }
 
-/* The diagonal block of this rank, the first own one, += (weights of row i) sum */
+/* The diagonal block of the patch of row i += (weights of row i) sum */
 MS_INLINE void add_own_row(size_t dims, ms_rank_modes *q, int32_t i, ms_quad sum[3][3]) {
   const size_t modes = MS_MODES, n = (size_t)q->chol.block;
   const ms_quad w = weights_of(q, (size_t)i);
+  double *diagonal = ms_rank_modes_find_block(q, i, i);
   for (size_t c = 0; c < dims; c++)
     for (size_t l = 0; l < modes; l++)
       for (size_t b = 0; b < dims; b++) {
         const ms_quad product = w * sum[b < c ? b : c][b < c ? c : b][l];
-        double *to = q->own + n * (modes * c + l) + modes * b;
+        double *to = diagonal + n * (modes * c + l) + modes * b;
         for (size_t k = 0; k < modes; k++) to[k] += product[k];
       }
 }
@@ -62,6 +64,7 @@ MS_INLINE void add_row(size_t dims, int with_own, ms_rank_modes *q, const ms_coe
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, i);
   double block[3][3] = {{0}};
   ms_quad sum[3][3] = {{{0}}};
+  if (q->patch[i] < 0) return;
   for (int32_t at = span.begin; at < span.end; at += span.step) {
     const int32_t j = ms_half_edges_neighbour(&model->half_edges, at);
     const int is_own = j < model->unknowns.nfree;
@@ -94,19 +97,26 @@ static void add_rows(ms_rank_modes *q, const ms_coefficients *a, double by, int 
 
 static void restrict_to(const ms_rank_modes *q, ms_operands rz, double *sums) {
   const ms_unknowns *rows = &q->model->unknowns;
+  const int32_t first = ms_rank_modes_first(q), n = ms_rank_modes_count(q);
   for (int32_t c = 0; c < rows->dims; c++) {
-    ms_quad sum = {0};
-    for (int32_t i = 0; i < rows->nfree; i++)
-      sum += weights_of(q, (size_t)i) * ms_operands_get(&rz, (size_t)(c * rows->stride + i));
-    ms_simd_store_quad(sums + MS_MODES * c, sum);
+    ms_quad sum[MS_MOST_PATCHES] = {{0}};
+    for (int32_t i = 0; i < rows->nfree; i++) {
+      const double r = ms_operands_get(&rz, (size_t)(c * rows->stride + i));
+      if (q->patch[i] >= 0) sum[q->patch[i] - first] += weights_of(q, (size_t)i) * r;
+    }
+    for (int32_t p = 0; p < n; p++)
+      ms_simd_store_quad(sums + q->chol.block * p + MS_MODES * c, sum[p]);
   }
 }
 
 static void correct(const ms_rank_modes *q, const double *by, ms_operands rz) {
   const ms_unknowns *rows = &q->model->unknowns;
+  const int32_t first = ms_rank_modes_first(q);
   for (int32_t c = 0; c < rows->dims; c++)
     for (int32_t i = 0; i < rows->nfree; i++) {
-      const double *w = q->weight[i], *b = by + MS_MODES * c;
+      if (q->patch[i] < 0) continue;
+      const double *w = q->weight[i],
+                   *b = by + q->chol.block * (q->patch[i] - first) + MS_MODES * c;
       ms_operands_add(&rz, (size_t)(c * rows->stride + i),
                       (w[0] * b[0] + w[1] * b[1]) + (w[2] * b[2] + w[3] * b[3]));
     }
