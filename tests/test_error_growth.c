@@ -242,6 +242,36 @@ static void landing_is_not_reported(void **state) {
   }
 }
 
+/* explain says whether growth is measured, under error control and in fixed steps of auto alike. */
+static void explain_reports_what_is_not_measured(void **state) {
+  (void)state;
+  static const struct {
+    const char *method;
+    int32_t side;
+    double tol;
+    int watch;
+    const char *growth;
+  } row[] = {{"dop853", 9, 1e-4, 1, "not measured in parts of more than 128 springs"},
+             {"auto", 9, 1e-4, 1, "not measured in parts of more than 128 springs"},
+             {"auto", 5, 1e-4, 1, "measured, and reported if it is large"},
+             {"auto", 9, 1e-4, 0, NULL},
+             {"velocity-verlet", 5, 0, 1, NULL}};
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    msim_scene *scene = hanging_cloth(row[i].side, 1e3, 0);
+    reports r;
+    msim_options opt = options_to(row[i].method, row[i].tol, 0.5, &r);
+    if (row[i].tol == 0) opt.h = 1e-3;
+    opt.watch = row[i].watch ? MSIM_WATCH_ON : MSIM_WATCH_OFF;
+    msim_sim *sim = make_sim(scene, &opt);
+    const char *text;
+    assert_ok(msim_sim_explain(sim, &text, err));
+    const char *line = strstr(text, "growth of errors: ");
+    assert_int_equal(line != NULL, row[i].growth != NULL);
+    if (line) assert_memory_equal(line + 18, row[i].growth, strlen(row[i].growth));
+    msim_sim_destroy(sim), msim_scene_destroy(scene);
+  }
+}
+
 /* Measurement starts anew from a state that is set, and, if it had been left off, at the first
  * contact, as in an island this large. */
 static void measurement_starts_anew(void **state) {
@@ -321,6 +351,7 @@ int main(void) {
                                      cmocka_unit_test(growth_goes_on_past_impacts),
                                      cmocka_unit_test(chaos_by_impacts_is_reported),
                                      cmocka_unit_test(landing_is_not_reported),
+                                     cmocka_unit_test(explain_reports_what_is_not_measured),
                                      cmocka_unit_test(measurement_starts_anew),
                                      cmocka_unit_test(forged_measurements_can_be_saved)};
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -206,6 +206,7 @@ static void explain_method(const msim_sim *sim, ms_text *out) {
                    (long long)sim->config.plan.steps,
                    sim->config.plan.t0 + (double)sim->config.plan.steps * sim->run.h,
                    (long long)ms_frames_count(&sim->config.plan, &sim->config.opt, MS_FRAMES_MAX));
+  ms_error_growth_explain(sim, out);
 }
 
 /* h over the longest stable step of velocity Verlet */

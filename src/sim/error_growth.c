@@ -15,10 +15,14 @@ int ms_error_growth_is_measurable(const ms_model *model) {
   return model->springs.n <= FEW_SPRINGS || model->scene->nplanes;
 }
 
+static int is_requested(const msim_sim *sim) {
+  const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
+  return sim->config.opt.watch == MSIM_WATCH_ON && has_tol;
+}
+
 msim_status ms_error_growth_create(const msim_sim *sim, const ms_model *model, ms_disturbance *d,
                                    msim_error *err) {
-  const int has_tol = ms_sim_has_control(sim) || ms_sim_selects(sim);
-  if (sim->config.opt.watch != MSIM_WATCH_ON || !has_tol) return MSIM_OK;
+  if (!is_requested(sim)) return MSIM_OK;
   if (ms_scene_has_function(sim->scene)) return MSIM_OK; /* called by steps only */
   if (sim->part) return MSIM_OK;                         /* ranks would have to agree */
   if (!ms_error_growth_is_measurable(model)) return MSIM_OK;
@@ -247,10 +251,15 @@ void ms_error_growth_explain(const msim_sim *sim, ms_text *out) {
       [MS_ERROR_GROWTH_TOO_EXPENSIVE] =
           "not measured: that would cost more than a fifth of the evaluations",
       [MS_ERROR_GROWTH_REPORTED] = "large; a note has reported it"};
-  int is_any = 0;
-  for (int32_t i = 0; i < sim->nislands; i++) is_any |= sim->islands[i].disturbance.dx != NULL;
-  if (is_any)
-    ms_text_append(out, "              growth of errors: %s\n", states[sim->error_growth.state]);
+  const char *state = NULL;
+  if (!is_requested(sim)) return;
+  if (ms_scene_has_function(sim->scene)) state = "not measured with a force function";
+  if (sim->part) state = "not measured on ranks";
+  for (int32_t i = 0; i < sim->nislands; i++)
+    if (sim->islands[i].disturbance.dx) state = states[sim->error_growth.state];
+  ms_text_append(out, "              growth of errors: ");
+  if (state) ms_text_append(out, "%s\n", state);
+  else ms_text_append(out, "not measured in parts of more than %d springs\n", FEW_SPRINGS);
 }
 
 void ms_error_growth_archive(ms_archive *b, ms_error_growth *s) {

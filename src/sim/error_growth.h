@@ -80,6 +80,8 @@ void ms_error_growth_start_island(struct ms_island_sim *m);
 /* Follow the step of h just accepted. */
 void ms_error_growth_follow(struct msim_sim *sim, double h);
 
+/* The line of msim_sim_explain: whether it is measured, or why not; none without a tol or with
+ * options.watch off */
 void ms_error_growth_explain(const struct msim_sim *sim, ms_text *out);
 
 void ms_error_growth_archive(ms_archive *bytes, ms_error_growth *s);
