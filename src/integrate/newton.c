@@ -29,7 +29,7 @@ typedef struct newton {
   ms_shape shape;
   int linear; /* the matrix is constant */
   double *rho, *b, *d, *from;
-  double residual;                    /* ||rho|| */
+  double residual, failed;            /* ||rho||; after the last of `failures` */
   double eta;                         /* relative residual of the last linear solve */
   double radius;                      /* trust radius: the largest length of d */
   double length, predicted_reduction; /* of d: its length, and the predicted reduction of E */
@@ -125,16 +125,19 @@ static msim_status solve_exact_full(newton *n, ms_linear_system_spec *spec, msim
   spec->clamp = 0, spec->use_elimination = 1;
   spec->rtol = fmin(n->eta, FINE);
   const msim_status status = solve_full(n, spec, err);
-  if (status) n->failures++;
+  if (status) n->failures++, n->failed = n->residual;
   else n->eta = spec->rtol;
   return status;
 }
 
-/* After so many failures with the full matrix in a stage, it is no longer tried. */
-enum { MOST_FAILURES = 3 };
+/* After three failures in a stage the full matrix is tried again at a tenth of the residual: it
+ * converges quadratically near the solution, the symmetric one linearly. */
+static int may_use_full(const newton *n) {
+  return n->dampers && (n->failures < 3 || n->residual < 0.1 * n->failed);
+}
 
 static int may_solve_exactly(const newton *n) {
-  return n->dampers == DOMINANT && n->failures < MOST_FAILURES &&
+  return n->dampers == DOMINANT && may_use_full(n) &&
          ms_solver_supports_damping_derivative(n->s->solver) &&
          n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
 }
@@ -148,8 +151,7 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_stepper_add_constraints(n->s, &spec);
   ms_stepper_linearize(n->s, n->stage->x, n->stage->v);
   const int descends = ms_solver_can_descend(solver);
-  const int helps = n->dampers && n->failures < MOST_FAILURES;
-  const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (helps || !descends));
+  const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (may_use_full(n) || !descends));
   n->search = LIMIT_ROTATION;
   if (may_solve_exactly(n) && !solve_exact_full(n, &spec, err)) return MSIM_OK;
   spec.clamp = clamp, spec.use_elimination = 0, spec.rtol = n->eta;
@@ -158,7 +160,7 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
     spec.clamp = n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP;
     if (!solve_full(n, &spec, err)) return MSIM_OK;
     spec.clamp = clamp;
-    n->failures++;
+    n->failures++, n->failed = n->residual;
   }
   n->search = REDUCE_POTENTIAL;
   if (!descends) return solve_within(n, &spec, err);
@@ -327,10 +329,10 @@ static double limit_rotation(newton *n, int full) {
  * more than MUCH of the residual. The full one then stays in use while the residual falls. */
 static search find_next_search(newton *n, double before, double lambda) {
   const double MUCH = 0.3;
-  n->failures += n->is_stuck;
+  if (n->is_stuck) n->failures++, n->failed = n->residual;
   if (n->search != REDUCE_POTENTIAL) return n->is_stuck ? REDUCE_POTENTIAL : REDUCE_RESIDUAL;
-  const int is_slow = n->dampers && n->failures < MOST_FAILURES && !n->is_truncated &&
-                      lambda == 1 && n->residual > MUCH * before;
+  const int is_slow =
+      may_use_full(n) && !n->is_truncated && lambda == 1 && n->residual > MUCH * before;
   return is_slow ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
 }
 
@@ -353,8 +355,7 @@ static double rounding_level(const newton *n) {
   return 4 * DBL_EPSILON * (newton_norm(n, g->v) + newton_norm(n, g->x) / g->ah);
 }
 
-/* 1: with `more` further corrections, each theta times the one before, the estimated error is
- * small enough: theta^more theta/(1 - theta) |d| <= final_tolerance(). */
+/* 1: with `more` further corrections, each theta times the one before, the error is small. */
 static int converges_within(const newton *n, double theta, int more) {
   return n->correction > 0 && theta < 1 &&
          pow(theta, more) * theta / (1 - theta) * n->correction <= final_tolerance(n);

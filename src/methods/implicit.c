@@ -6,6 +6,7 @@
  * stage. */
 #include "methods/methods.h"
 #include "integrate/newton.h"
+#include "integrate/rigid_guess.h"
 #include "physics/force_function.h"
 
 typedef struct stage_coefficients {
@@ -67,10 +68,11 @@ static double find_stage_time(const ms_stepper *s, const stage_coefficients *g, 
 }
 
 /* Solves the stages; writes the result to x_next and v_next, not yet reflected. The initial guess
- * of a stage is the velocity of the one before. */
+ * of a stage is the velocity of the one before, as a rigid body would go on. */
 static msim_status solve_stages(ms_stepper *s, const tableau *t, stage_inputs *from,
                                 double *keep_first[2], msim_error *err) {
   const ms_shape shape = s->model->shape;
+  double time = 0; /* of v_next, as a share of the step */
   ms_vector_copy(shape, s->v, s->v_next);
   for (int i = 0; i < t->nstages; i++) {
     ms_newton_stage stage = {.ah = t->stage[i].a * s->h,
@@ -80,7 +82,9 @@ static msim_status solve_stages(ms_stepper *s, const tableau *t, stage_inputs *f
                              .v = s->v_next};
     for (int k = 0; k < 4; k++) stage.work[k] = s->work[NEWTON + k];
     form_known_parts(s, &t->stage[i], from);
-    s->c = find_stage_time(s, &t->stage[i], s->c);
+    s->c = find_stage_time(s, &t->stage[i], time);
+    ms_rigid_guess_advance(s, (s->c - time) * s->h, s->v_next);
+    time = s->c;
     const msim_status status = ms_newton_solve(s, &stage, err);
     if (status) return status;
     if (i + 1 == t->nstages) break;
