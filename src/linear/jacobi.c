@@ -5,6 +5,7 @@
 
 #include "base/simd.h"
 #include "physics/angle_springs.h"
+#include "physics/constraint_weight.h"
 #include "physics/rank_model.h"
 
 msim_status ms_jacobi_create(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi,
@@ -21,16 +22,49 @@ void ms_jacobi_destroy(const ms_model *model, ms_jacobi *jacobi) {
   *jacobi = (ms_jacobi){0};
 }
 
-static double choose_scale(const ms_model *model, const ms_coefficients *a) {
-  const size_t s = (size_t)model->unknowns.first_pinned;
-  double largest = DBL_MIN;
-  for (size_t c = 0; c < (size_t)a->block; c++)
-    for (size_t r = 0; r < (size_t)model->unknowns.nfree; r++)
-      largest = fmax(largest, a->diagonal[c * s + r]);
-  ms_ranks_maximum(model->shape.ranks, 1, &largest);
+static double near_power_of_4(double largest) {
   int exponent;
   frexp(largest, &exponent);
   return ldexp(1, 2 * (exponent / 2));
+}
+
+static double find_largest_on_diagonal(const ms_model *model, const ms_coefficients *a,
+                                       int32_t row) {
+  const size_t s = (size_t)model->unknowns.first_pinned;
+  double largest = DBL_MIN;
+  for (size_t c = 0; c < (size_t)a->block; c++)
+    largest = fmax(largest, a->diagonal[c * s + (size_t)row]);
+  return largest;
+}
+
+static double find_largest_beside_diagonal(const ms_model *model, const ms_coefficients *a,
+                                           int32_t row) {
+  const size_t s = (size_t)model->unknowns.first_pinned, block = (size_t)a->block;
+  double largest = DBL_MIN;
+  for (size_t q = block; q < ms_coefficients_diagonal_size(block); q++)
+    largest = fmax(largest, fabs(a->diagonal[q * s + (size_t)row]));
+  return largest;
+}
+
+/* What the diagonal of a constrained row had before follows from the weight. Such rows are marked
+ * in the first numbers of `inverse`, which is computed later. */
+static void choose_scales(const ms_model *model, const ms_coefficients *a, ms_jacobi *jacobi) {
+  double largest[2] = {DBL_MIN, DBL_MIN}, *is_constrained = jacobi->inverse;
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) is_constrained[r] = 0;
+  for (int32_t i = 0; i < a->nconstraints; i++) {
+    is_constrained[a->constraint[i].row] = 1;
+    largest[1] = fmax(largest[1], a->constraint[i].weight / MS_CONSTRAINT_WEIGHT);
+  }
+  for (int32_t r = 0; r < model->unknowns.nfree; r++) {
+    const double on_diagonal = find_largest_on_diagonal(model, a, r);
+    largest[0] = fmax(largest[0], on_diagonal);
+    largest[1] =
+        fmax(largest[1],
+             is_constrained[r] == 0 ? on_diagonal : find_largest_beside_diagonal(model, a, r));
+  }
+  ms_ranks_maximum(model->shape.ranks, 2, largest);
+  jacobi->scale = near_power_of_4(largest[0]);
+  jacobi->coupling_scale = near_power_of_4(largest[1]);
 }
 
 /* A shift that makes an unknown's diagonal block positive definite: the sum of max(0, -t) over its
@@ -72,7 +106,7 @@ msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, in
   static int (*const invert[])(const double *, double *) = {NULL, invert1, invert2, invert3};
   const size_t s = (size_t)model->unknowns.first_pinned, block = (size_t)a->block;
   const size_t size = ms_coefficients_diagonal_size(block);
-  jacobi->scale = choose_scale(model, a);
+  choose_scales(model, a, jacobi);
   const double by = 1 / jacobi->scale;
   const int braced = kind != MSIM_FACTOR_SPD;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {

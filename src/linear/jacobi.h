@@ -7,8 +7,9 @@
 #include "physics/force.h"
 
 typedef struct ms_jacobi {
-  int32_t block;   /* scalars in a block, as in the coefficients */
-  double scale;    /* a power of 4 near the largest diagonal entry */
+  int32_t block;         /* scalars in a block, as in the coefficients */
+  double scale;          /* a power of 4 near the largest diagonal entry of any rank */
+  double coupling_scale; /* the same without weights of constraints along axes */
   double *inverse; /* of the diagonal blocks / scale, in the layout of ms_coefficients.diagonal */
 } ms_jacobi;
 

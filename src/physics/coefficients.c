@@ -5,6 +5,7 @@
 #include "base/vec3.h"
 #include "physics/angle.h"
 #include "physics/angle_springs.h"
+#include "physics/constraint_weight.h"
 #include "physics/external_force.h"
 #include "physics/law_springs.h"
 #include "physics/matrix_kernels.h"
@@ -88,10 +89,6 @@ void ms_coefficients_compute(const ms_model *model, const double *x, double h, i
   if (a->own) add_own_blocks(model, h, clamp, a);
 }
 
-/* Weight of a constraint over the largest diagonal element: large enough for Newton's method to
- * take the row as fixed, small enough for single precision. */
-#define HEAVY 1e4
-
 /* Of n n^T of direction k, beyond friction in all directions */
 static double find_weight(const ms_constraint *g, int32_t k, double share) {
   return (k < g->n ? share * g->weight : 0) - g->friction;
@@ -105,7 +102,7 @@ void ms_coefficients_add_constraints(const ms_model *model, ms_constraint *const
     ms_constraint *g = &constraint[i];
     double *own = a->diagonal + g->row, largest = model->mass[g->row];
     for (size_t c = 0; c < dims; c++) largest = fmax(largest, own[c * sd]);
-    g->weight = HEAVY * largest;
+    g->weight = MS_CONSTRAINT_WEIGHT * largest;
     for (size_t b = 0; b < dims; b++) own[b * sd] += g->friction;
     for (int32_t k = 0; k < 3 && k <= g->n; k++)
       for (size_t b = 0; b < dims; b++)
