@@ -222,9 +222,8 @@ static msim_status factor_jacobi(ms_pcg *s, int32_t kind) {
  * quarter of the share of inertia, which is all that resists the motions of free bodies: they would
  * come back, and cost more iterations than floats save time, 1.2 times as many at this limit.
  * The weight w of a constraint along an axis does not count: the error u w |p| stays in the unknown
- * whose diagonal entry has w itself, so that in the energy norm its square is at most u^2 w |p|^2,
- * 4 u w/t = 2e-3 of what the limit allows springs of stiffness t. Along another direction it would
- * be rounded into the motions across, which nothing but inertia resists. */
+ * whose diagonal has w itself. In the energy norm its square is at most u^2 w |p|^2, 4 u w/t = 2e-3
+ * of what springs of stiffness t may have. Along other directions it leaks into motions across. */
 static int may_round_vectors(const ms_pcg *s) {
   const double U = FLT_EPSILON / 2;
   const ms_model *model = s->base.system->model;

@@ -26,8 +26,10 @@ static ms_linear_target factor_target(const ms_solver *s) {
   return target;
 }
 
-/* Accept v, or refine it iteratively with the present factor. */
-static msim_status check_and_refine(ms_solver *s, const double *b, double *v, msim_error *err) {
+/* Accept v, or refine it iteratively with the present factor, or by an iterative solver that has
+ * converged, as residuals that it updates recursively drift from the true ones. */
+static msim_status check_and_refine(ms_solver *s, int has_converged, const double *b, double *v,
+                                    msim_error *err) {
   enum { REFINEMENTS = 3 };
   const ms_shape shape = s->system.model->shape;
   const ms_linear_target target = factor_target(s);
@@ -38,16 +40,15 @@ static msim_status check_and_refine(ms_solver *s, const double *b, double *v, ms
     if (!isfinite(s->relative_residual))
       return ms_error_set(err, MSIM_NOT_CONVERGED, "the solution of solver %s is not finite",
                           s->linear->name);
-    if (round == REFINEMENTS || !s->linear->factorises)
+    if (round == REFINEMENTS || !has_converged)
       return ms_error_set(
           err, MSIM_NOT_CONVERGED,
           "solver %s reached a relative residual of %.3g, not %.3g; raise solver.rtol%s",
           s->linear->name, s->relative_residual, s->target.rtol,
           s->linear->factorises ? "" : " or solver.max_iterations, or use solver = cholmod");
     ms_vector_clear_all(shape, s->correction);
-    int64_t iterations = 0;
-    msim_status status =
-        s->linear->ops->solve(s->linear, &target, s->residual, s->correction, &iterations, err);
+    msim_status status = s->linear->ops->solve(s->linear, &target, s->residual, s->correction,
+                                               &s->stats->iterations, err);
     if (status) return status;
     ms_vector_axpy(shape, 1, s->correction, v);
     residual_norm = NAN;
@@ -63,7 +64,7 @@ msim_status ms_refinement_solve(ms_solver *s, const double *b, double *v, msim_e
   msim_status status = s->linear->ops->solve(s->linear, &target, b, v, &s->stats->iterations, err);
   /* after max_iterations the residual may still be at rounding level */
   if ((status == MSIM_OK && !s->linear->exact) || status == MSIM_NOT_CONVERGED)
-    status = check_and_refine(s, b, v, err);
+    status = check_and_refine(s, status == MSIM_OK, b, v, err);
   s->stats->solve_s += ms_clock_now() - start;
   return status;
 }
