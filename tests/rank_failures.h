@@ -59,11 +59,14 @@ static inline const char *check_rank_failure(msim_comm *inner, void *data) {
   return NULL;
 }
 
+/* By default every SOME-th failure, on each rank another one */
 static inline void check_rank_failures(const rank_failures *of) {
+  enum { SOME = 6 };
   for (int32_t i = 0; i < 6; i++) {
     rank_failures k = *of;
     k.of_calls = i % 2, k.rank = i / 2;
-    for (; !k.succeeded; k.fail_at++) {
+    k.fail_at = is_long() ? 0 : k.rank;
+    for (; !k.succeeded; k.fail_at += is_long() ? 1 : SOME) {
       const char *wrong = run_ranks(3, check_rank_failure, &k);
       if (wrong)
         fail_msg("rank %d, %s %d: %s", k.rank, k.of_calls ? "call" : "allocation", (int)k.fail_at,

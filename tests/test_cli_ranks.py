@@ -104,7 +104,7 @@ class Ranks(CliTest):
         support.require(status == 0, "the plugin petsc")
         subprocess.run([CLI, "run", *implicit, "--quiet"], cwd=self.folder, check=True)
         alone = [c for row in self.final()["v"] for c in row]
-        for n, options in ((2, "-ksp_type cg -pc_type gamg"), (3, "-ksp_type cg -pc_type gamg"),
+        for n, options in ((3, "-ksp_type cg -pc_type gamg"),
                            (2, "-ksp_type gmres -pc_type bjacobi"),
                            (3, "-ksp_type pipecg -pc_type msim")):
             with self.subTest(f"{n} {options}"):

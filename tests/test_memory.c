@@ -173,8 +173,6 @@ static void sweep(scenario *l, int all_later) {
   }
 }
 
-static int is_long(void) { return getenv("MSIM_LONG_TESTS") != NULL; }
-
 /* With malloc each allocation fails alone, with the allocator also all later ones; MSIM_LONG_TESTS:
  * both ways for both. */
 static void sweep_all(scenario *l) {

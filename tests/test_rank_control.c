@@ -229,8 +229,8 @@ static void frames_inside_steps(void **state) {
   const char *methods[] = {"dop853", "rk4", "tr-bdf2"};
   msim_scene *mesh = random_mesh(200, 3, 0.01);
   for (size_t i = 0; i < sizeof methods / sizeof *methods; i++) {
-    film c = {.scene = mesh, .opt = controlled(methods[i], 1e-4, 0.05)};
-    c.opt.fps = 200;
+    film c = {.scene = mesh, .opt = controlled(methods[i], 1e-4, 0.02)};
+    c.opt.fps = 500;
     msim_sim *sim = make_sim(mesh, &c.opt);
     assert_ok(msim_sim_run(sim, sum_frame, &c.alone, err));
     assert_int_equal(c.alone.n, 11);

@@ -218,7 +218,7 @@ class Parts(RankFiles):
         """The last frame is lost, and computed again."""
         options = "--integrator velocity-verlet --h 2e-4 --steps 100 --every 20"
         self.record(1, options, "whole.vtkhdf")
-        for n, m in (1, 2), (1, 3), (2, 1), (2, 3), (3, 1), (3, 2):
+        for n, m in (1, 2), (2, 3), (3, 1):
             self.record(n, options, "out.vtkhdf", "--force")
             with h5py.File(self.folder / "out.vtkhdf", "a") as file:
                 file["msim/frames/NCommitted"][0] -= 1
@@ -231,10 +231,9 @@ class Parts(RankFiles):
         options = "--integrator velocity-verlet --h 2e-4 --steps 50 --every 10"
         with h5py.File(self.folder / "scene.h5", "a") as file:
             del file["springs/rest"]
-        for n in 1, 2, 3:
+        for n in 1, 3:
             self.record(n, options, f"{n}.vtkhdf")
-        self.assert_same_frames("1.vtkhdf", "2.vtkhdf")
-        self.assert_same_frames("2.vtkhdf", "3.vtkhdf")
+        self.assert_same_frames("1.vtkhdf", "3.vtkhdf")
         with h5py.File(self.folder / "scene.h5", "a") as file:
             file["particles/x"][len(file["particles/x"]) - 1] = [1e300, 0, 0]
         first = int(numpy.argmax((self.ij == self.ij.max()).any(axis=1)))

@@ -51,6 +51,10 @@ enum { HAS_ADDRESS_SANITIZER = 1 };
 enum { HAS_ADDRESS_SANITIZER = 0 };
 #endif
 
+/* 1 where MSIM_LONG_TESTS is set, as by tools/check --slice failing_allocations: tests with the
+ * label `long` then try every failure or random scene, otherwise some of them. */
+static inline int is_long(void) { return getenv("MSIM_LONG_TESTS") != NULL; }
+
 /* The next number in [0, 1), by the linear congruential generator of Numerical Recipes. */
 static inline double uniform(unsigned *seed) {
   *seed = *seed * 1664525u + 1013904223u;

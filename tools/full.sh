@@ -56,7 +56,8 @@ failing_allocations() { MSIM_LONG_TESTS=1 tests release -L long; }
 # What the address sanitizer does not see in the default run
 # sanitized REGEX: these tests under address and undefined-behaviour sanitizers
 sanitized() {
-  build asan asan -DMSIM_TEST_TIMEOUT=600
+  build asan asan -DMSIM_TEST_TIMEOUT=600 "-DMSIM_TEST_PROGRAMS=$1" \
+    '-DMSIM_TEST_PROGRAMS_EXCLUDED=^$'
   tests asan -LE full -R "$1"
 }
 sanitized_runs() { sanitized "$long_runs"; }
