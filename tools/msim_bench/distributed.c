@@ -216,7 +216,7 @@ static timing_candidate *add_halves(const distributed_bench *b, const distribute
   smaller.scene.side = (int32_t)lround(c->scene.side / (c->scene.solid ? cbrt(2) : sqrt(2)));
   if (!distributed_scene_create(b, &smaller, half)) return NULL;
   rank_run run = distributed_run(b, c, half, 2);
-  run.apart = 1;
+  run.independent = 1;
   add_rank_run(r, "two halves", &run);
   return &r->all[r->count - 1];
 }
@@ -226,7 +226,7 @@ static void report_halves(distributed_bench *b, const distributed_case *c, const
                           const timing_candidate *t) {
   const double speedup = over(alone, t) * 2 * half->view.nparticles / (double)m->view.nparticles;
   report_run(b, "halves", half, c, t, "speedup", speedup);
-  b->worst.speedup_apart = fmin(b->worst.speedup_apart, speedup);
+  b->worst.speedup_independent = fmin(b->worst.speedup_independent, speedup);
 }
 
 static void measure_strong(distributed_bench *b, const distributed_case *c) {
@@ -318,7 +318,8 @@ static void report_keys(const distributed_bench *b) {
   report *r = b->run->report;
   if (has_ranks(b, 2, 2)) {
     report_key(r, "explicit_speedup_2", b->worst.speedup_2[0]);
-    if (!b->processes) report_key(r, "explicit_speedup_2_apart", b->worst.speedup_apart);
+    if (!b->processes)
+      report_key(r, "explicit_speedup_2_independent", b->worst.speedup_independent);
     report_key(r, "implicit_step_speedup_2", b->worst.speedup_2[1]);
   }
   if (has_ranks(b, 1, 1)) {

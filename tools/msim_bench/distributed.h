@@ -28,7 +28,7 @@ typedef struct distributed_bench {
   /* What the summary has: the worst of all cases */
   struct {
     double speedup_2[2], one_rank[2]; /* explicit and implicit */
-    double speedup_apart;             /* of explicit steps of two halves that do not communicate */
+    double speedup_independent;       /* of explicit steps of two halves that do not communicate */
     double over_alone;
   } worst;
 } distributed_bench;

@@ -38,7 +38,7 @@ static msim_status call_on_ranks(rank_run *r, rank_function *function, msim_erro
     s->function = function;
     if (pthread_create(&s->thread, NULL, call_function, s)) break;
   }
-  if (started < r->here && r->here > 1 && !r->apart)
+  if (started < r->here && r->here > 1 && !r->independent)
     msim_comm_threads_fail(r->comms[0], "a thread could not be started");
   for (int32_t i = 0; i < started; i++) pthread_join(r->sims[i].thread, NULL);
   for (int32_t i = started; i < r->here; i++) r->sims[i].status = function(&r->sims[i]);
@@ -52,7 +52,7 @@ static msim_status call_on_ranks(rank_run *r, rank_function *function, msim_erro
 
 static msim_status create_ranked_sim(ranked_sim *s) {
   msim_options options = s->run->options;
-  if (s->run->n != ALONE && !s->run->apart) options.comm = &s->comm.table;
+  if (s->run->n != ALONE && !s->run->independent) options.comm = &s->comm.table;
   return msim_sim_create(s->run->scene, &options, &s->sim, &s->err);
 }
 
@@ -63,7 +63,8 @@ static int make_ranks(rank_run *r, msim_error *err) {
   r->sims = calloc((size_t)r->here + 1, sizeof *r->sims);
   snprintf(err->text, sizeof err->text, "out of memory for %d ranks", (int)r->n);
   if (!r->comms || !r->sims) return 0;
-  if (are_threads && !r->apart && msim_comm_threads_create(r->n, NULL, r->comms, err)) return 0;
+  if (are_threads && !r->independent && msim_comm_threads_create(r->n, NULL, r->comms, err))
+    return 0;
   if (!are_threads && r->n != ALONE) r->comms[0] = r->processes;
   for (int32_t i = 0; i < r->here; i++) {
     r->sims[i].run = r;

@@ -14,7 +14,7 @@ typedef struct rank_run {
   msim_options options;
   int steps;               /* in a sample */
   int32_t n;               /* ranks; ALONE */
-  int apart;               /* 1: each of n threads has a sim of its own of the whole scene */
+  int independent;         /* 1: each of n threads has a sim of its own of the whole scene */
   msim_comm *processes;    /* of this process, with n ranks; NULL: ranks are threads */
   int32_t here;            /* ranks in this process */
   msim_comm **comms;       /* here */
