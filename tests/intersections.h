@@ -1,5 +1,5 @@
 /* intersections - counts intersecting pairs of triangles, and segments that pass through triangles,
- * by the signs of volumes in long double and a sweep along one axis: none of the library's code */
+ * by the signs of volumes and a sweep along one axis: none of the library's code */
 #ifndef TEST_INTERSECTIONS_H
 #define TEST_INTERSECTIONS_H
 
@@ -8,19 +8,17 @@
 #include <stdlib.h>
 
 /* Six times the volume of the tetrahedron a b c d; 0 if that is below what rounding of coordinates
- * in a plane makes of it */
-static inline long double tetrahedron(const double *a, const double *b, const double *c,
-                                      const double *d) {
-  long double u[3], v[3], w[3], size = 0;
+ * in a plane makes of it, which is far more than the rounding here */
+static inline double tetrahedron(const double *a, const double *b, const double *c,
+                                 const double *d) {
+  double u[3], v[3], w[3], size = 0;
   for (int i = 0; i < 3; i++) {
-    u[i] = (long double)b[i] - a[i], v[i] = (long double)c[i] - a[i],
-    w[i] = (long double)d[i] - a[i];
-    size = fmaxl(size, fmaxl(fabsl(u[i]), fmaxl(fabsl(v[i]), fabsl(w[i]))));
+    u[i] = b[i] - a[i], v[i] = c[i] - a[i], w[i] = d[i] - a[i];
+    size = fmax(size, fmax(fabs(u[i]), fmax(fabs(v[i]), fabs(w[i]))));
   }
-  const long double volume = u[0] * (v[1] * w[2] - v[2] * w[1]) +
-                             u[1] * (v[2] * w[0] - v[0] * w[2]) +
-                             u[2] * (v[0] * w[1] - v[1] * w[0]);
-  return fabsl(volume) > 1e-12L * size * size * size ? volume : 0;
+  const double volume = u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) +
+                        u[2] * (v[0] * w[1] - v[1] * w[0]);
+  return fabs(volume) > 1e-12 * size * size * size ? volume : 0;
 }
 
 /* 1: the segment p q passes through the triangle a b c: its ends lie on both sides of the plane,
@@ -28,10 +26,10 @@ static inline long double tetrahedron(const double *a, const double *b, const do
  * do. */
 static inline int segment_meets(const double *p, const double *q, const double *a, const double *b,
                                 const double *c) {
-  const long double s = tetrahedron(a, b, c, p), t = tetrahedron(a, b, c, q);
+  const double s = tetrahedron(a, b, c, p), t = tetrahedron(a, b, c, q);
   if (!((s > 0 && t < 0) || (s < 0 && t > 0))) return 0;
-  const long double u = tetrahedron(p, q, a, b), v = tetrahedron(p, q, b, c),
-                    w = tetrahedron(p, q, c, a);
+  const double u = tetrahedron(p, q, a, b), v = tetrahedron(p, q, b, c),
+               w = tetrahedron(p, q, c, a);
   return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
 }
 
