@@ -40,7 +40,9 @@ static int32_t group_aggregates(const msim_allocator *alloc, const ms_sparse_gra
   return clusters;
 }
 
-/* The links of each row ascend, as columns are gone through in their order. */
+/* Links are by column, so that a product reads each one first where they follow each other, and
+ * again, for its row, while it is in cache. Those of each column ascend, as rows are gone through
+ * in their order. */
 static int list_links(const msim_allocator *alloc, const ms_sparse_graph *graph,
                       ms_coarse_cycle *s) {
   const int32_t n = graph->n, links = graph->ptr[n] / 2, *item = s->members.item;
@@ -50,22 +52,22 @@ static int list_links(const msim_allocator *alloc, const ms_sparse_graph *graph,
   for (int32_t p = 0; p < n && fits; p++) {
     next[p] = s->first[p + 1] = s->first[p];
     for (int32_t at = graph->ptr[item[p]]; at < graph->ptr[item[p] + 1]; at++)
-      s->first[p + 1] += s->position[graph->ind[at]] < p;
+      s->first[p + 1] += s->position[graph->ind[at]] > p;
   }
-  for (int32_t column = 0; column < n && fits; column++)
-    for (int32_t at = graph->ptr[item[column]]; at < graph->ptr[item[column] + 1]; at++) {
-      const int32_t row = s->position[graph->ind[at]];
-      if (row > column) s->row[next[row]] = row, s->column[next[row]++] = column;
+  for (int32_t row = 0; row < n && fits; row++)
+    for (int32_t at = graph->ptr[item[row]]; at < graph->ptr[item[row] + 1]; at++) {
+      const int32_t column = s->position[graph->ind[at]];
+      if (column < row) s->column[next[column]] = column, s->row[next[column]++] = row;
     }
   ms_memory_free(alloc, next);
-  return fits && ms_buckets_create(alloc, links, s->column, n, &s->above);
+  return fits && ms_buckets_create(alloc, links, s->row, n, &s->left);
 }
 
 int32_t ms_coarse_cycle_find(const ms_coarse_cycle *s, int32_t i, int32_t j) {
   const int32_t row = s->position[i], column = s->position[j];
   if (row == column) return row;
-  for (int32_t e = s->first[row]; e < s->first[row + 1]; e++)
-    if (s->column[e] == column) return s->n + e;
+  for (int32_t e = s->first[column]; e < s->first[column + 1]; e++)
+    if (s->row[e] == row) return s->n + e;
   return -1;
 }
 
@@ -132,7 +134,7 @@ msim_status ms_coarse_cycle_create(const ms_model *model, const ms_aggregates *a
 }
 
 void ms_coarse_cycle_destroy(const msim_allocator *alloc, ms_coarse_cycle *s) {
-  ms_buckets_destroy(alloc, &s->above);
+  ms_buckets_destroy(alloc, &s->left);
   ms_buckets_destroy(alloc, &s->members);
   ms_block_cholesky_destroy(alloc, &s->chol);
   MS_FREE(alloc, s->position, s->first, s->row, s->column, s->inverse, s->link, s->prolongation,

@@ -26,10 +26,10 @@ typedef struct ms_coarse_cycle {
   int32_t n, block;    /* aggregates, 0: there is no cycle; scalars of each */
   ms_buckets members;  /* the aggregates of each cluster; all arrays have them in this order */
   int32_t *position;   /* n: the place of each aggregate in it; owners as in block_cholesky.h */
-  int32_t *first;      /* n + 1: the range of each row in `column` */
-  int32_t *row;        /* first[n]: links (row, column), column < row, by row, ascending */
+  int32_t *first;      /* n + 1: the range of each column in `row` */
+  int32_t *row;        /* first[n]: links (row, column), row > column, by column, ascending */
   int32_t *column;     /* first[n] */
-  ms_buckets above;    /* the links of each column */
+  ms_buckets left;     /* the links of each row */
   double *value;       /* ms_coarse_cycle_size(), the caller's, who sets it: A, the diagonal blocks
                           first, by columns; then chol.value */
   float *inverse;      /* block^2 n: L^-1 */

@@ -41,7 +41,8 @@ MS_INLINE void multiply_links(size_t n, const ms_coarse_cycle *s, const float *x
                               ms_quad y[QUADS]) {
   ms_float_octet sums[BLOCK / 2], parts[2][QUADS] = {{{0}}};
   for (size_t pair = 0; pair < n / 2; pair++) sums[pair] = (ms_float_octet){0};
-  for (int32_t e = s->first[p]; e < s->first[p + 1]; e++) {
+  for (int32_t i = s->left.first[p]; i < s->left.first[p + 1]; i++) {
+    const int32_t e = s->left.item[i];
     const int16_t *a = s->link + n * n * (size_t)e;
     const float *from = x + n * (size_t)s->column[e];
     ms_float_octet repeated[QUADS];
@@ -50,8 +51,7 @@ MS_INLINE void multiply_links(size_t n, const ms_coarse_cycle *s, const float *x
       for (size_t q = 0; q < n / 4; q++, a += 8)
         sums[pair] = ms_simd_fma_octet(ms_simd_load_integer_octet(a), repeated[q], sums[pair]);
   }
-  for (int32_t i = s->above.first[p]; i < s->above.first[p + 1]; i++) {
-    const int32_t e = s->above.item[i];
+  for (int32_t e = s->first[p]; e < s->first[p + 1]; e++) {
     const int16_t *a = s->link + n * n * (size_t)e;
     const float *from = x + n * (size_t)s->row[e];
     for (size_t two = 0; two < n / 4; two++)
@@ -163,9 +163,10 @@ MS_INLINE void add_products_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
     const float *modes = s->modes + 16 * (size_t)s->members.item[p];
     add_projection(n, s->value + n * n * (size_t)p, modes, modes, 0,
                    s->chol.value + n * n * (size_t)own);
-    for (int32_t e = s->first[p]; e < s->first[p + 1]; e++) add_link(n, s, e, cluster);
-    for (int32_t a = s->above.first[p]; a < s->above.first[p + 1]; a++)
-      if (s->row[s->above.item[a]] >= end) add_link(n, s, s->above.item[a], cluster);
+    for (int32_t a = s->left.first[p]; a < s->left.first[p + 1]; a++)
+      add_link(n, s, s->left.item[a], cluster);
+    for (int32_t e = s->first[p]; e < s->first[p + 1]; e++)
+      if (s->row[e] >= end) add_link(n, s, e, cluster);
   }
 }
 
