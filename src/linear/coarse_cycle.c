@@ -111,9 +111,9 @@ static msim_status analyse_clusters(const ms_model *model, const ms_sparse_graph
 
 static int allocate_values(const msim_allocator *alloc, int32_t clusters, ms_coarse_cycle *s) {
   const size_t n = (size_t)s->n, block = (size_t)s->block, area = block * block;
-  const size_t links = (size_t)s->first[n];
-  return MS_NEW(alloc, s->modes, MS_MODES * MS_MODES * n) && MS_NEW(alloc, s->inverse, area * n) &&
-         MS_NEW(alloc, s->link, area * links) && MS_NEW(alloc, s->prolongation, area * n) &&
+  const size_t links = (size_t)s->first[n], triangles = ms_coarse_cycle_triangle(block) * n;
+  return MS_NEW(alloc, s->modes, MS_MODES * MS_MODES * n) && MS_NEW(alloc, s->inverse, triangles) &&
+         MS_NEW(alloc, s->link, area * links) && MS_NEW(alloc, s->prolongation, triangles) &&
          MS_NEW(alloc, s->r, block * n) && MS_NEW(alloc, s->z, block * n) &&
          MS_NEW(alloc, s->c, block * (size_t)clusters);
 }
@@ -158,35 +158,42 @@ static void add_products_chunk(void *data, int32_t begin, int32_t end) {
   for (int32_t c = begin; c < end; c++) s->kernels->add_products(s, c);
 }
 
+static float *inverse_of(const ms_coarse_cycle *s, int32_t p) {
+  return s->inverse + ms_coarse_cycle_triangle((size_t)s->block) * (size_t)p;
+}
+
 /* Replace D_k by L^-1; L^T Q follows from L. Returns 0 if D_k is not positive definite. */
 static int factor_diagonal(ms_coarse_cycle *s, int32_t p) {
   const size_t n = (size_t)s->block, area = n * n;
   double *l = s->value + area * (size_t)p, inverse[MOST];
-  float *to = s->prolongation + area * (size_t)p;
+  float *to = s->prolongation + ms_coarse_cycle_triangle(n) * (size_t)p;
   const float *modes = s->modes + MS_MODES * MS_MODES * s->members.item[p];
   if (!s->chol.kernels->invert_factor(n, l, inverse)) return 0;
-  for (size_t c = 0; c < n; c++)
-    for (size_t i = 0; i < n; i++) {
-      const size_t of = c / MS_MODES * MS_MODES; /* the component's first mode */
+  for (size_t c = 0; c < n; c++) {
+    const size_t of = c / MS_MODES * MS_MODES; /* the component's first mode */
+    for (size_t i = 0; i < of + MS_MODES; i++) {
       double sum = 0;
       for (size_t q = 0; q < MS_MODES; q++)
         if (of + q >= i) sum += l[i * n + of + q] * (double)modes[c % MS_MODES * MS_MODES + q];
-      to[c * n + i] = (float)sum;
+      *to++ = (float)sum;
     }
+  }
   memcpy(l, inverse, area * sizeof *l);
-  for (size_t i = 0; i < area; i++) s->inverse[area * (size_t)p + i] = (float)inverse[i];
+  to = inverse_of(s, p);
+  for (size_t c = 0; c < n; c++)
+    for (size_t i = c / 4 * 4; i < n; i++) *to++ = (float)inverse[c * n + i];
   return 1;
 }
 
 static void factor_diagonal_chunk(void *data, int32_t begin, int32_t end) {
   ms_coarse_cycle *s = ((cycle_job *)data)->s;
   for (int32_t p = begin; p < end; p++)
-    if (!factor_diagonal(s, p)) s->inverse[(size_t)(s->block * s->block) * (size_t)p] = 0;
+    if (!factor_diagonal(s, p)) *inverse_of(s, p) = 0;
 }
 
 static int is_definite(const ms_coarse_cycle *s) {
   for (int32_t p = 0; p < s->n; p++)
-    if (!(s->inverse[(size_t)(s->block * s->block) * (size_t)p] > 0)) return 0;
+    if (!(*inverse_of(s, p) > 0)) return 0;
   return 1;
 }
 

@@ -32,10 +32,10 @@ typedef struct ms_coarse_cycle {
   ms_buckets left;     /* the links of each row */
   double *value;       /* ms_coarse_cycle_size(), the caller's, who sets it: A, the diagonal blocks
                           first, by columns; then chol.value */
-  float *inverse;      /* block^2 n: L^-1 */
+  float *inverse;      /* ms_coarse_cycle_triangle() n: L^-1 */
   int16_t *link;       /* block^2 first[n]: N^T of each link, in units of 1 / INT16_MAX; columns in
                          pairs, interleaved by 4 rows */
-  float *prolongation; /* block^2 n: L^T Q */
+  float *prolongation; /* ms_coarse_cycle_triangle() n: L^T Q */
   int32_t *cluster;    /* n, in the order of the aggregates: that of each */
   float *modes;        /* 16 n, likewise: Q, cluster_modes.h */
   ms_block_cholesky chol; /* of Q^T A Q */
@@ -56,6 +56,10 @@ static inline size_t ms_coarse_cycle_size(const ms_coarse_cycle *cycle) {
                             ((size_t)cycle->n + (size_t)cycle->first[cycle->n])
                       : 0;
 }
+
+/* The numbers of a triangle of blocks of 4 x 4 on and below (L^-1), or on and above the diagonal
+ * (L^T Q, as Q maps each component to itself), by columns */
+static inline size_t ms_coarse_cycle_triangle(size_t block) { return block * (block + 4) / 2; }
 
 /* The index in `value` of the block of aggregates i and j, position[i] >= position[j]; -1: not in
  * the pattern */

@@ -8,17 +8,28 @@ enum { BLOCK = MS_BLOCK_CHOLESKY_MAX_BLOCK, QUADS = BLOCK / MS_MODES };
 
 /*------------------------------------- blocks and vectors ---------------------------------------*/
 
+typedef enum triangle { LOWER, UPPER } triangle;
+
+/* 1: the triangle has quad q of column c. Loops over all quads are unrolled. */
+MS_INLINE int has_quad(triangle is, size_t c, size_t q) {
+  return is == LOWER ? q >= c / 4 : q <= c / 4;
+}
+
 /* y += a x */
-MS_INLINE void add_product(size_t n, const float *a, const double *x, ms_quad y[QUADS]) {
+MS_INLINE void add_product(triangle is, size_t n, const float *a, const double *x,
+                           ms_quad y[QUADS]) {
   for (size_t c = 0; c < n; c++)
-    for (size_t q = 0; q < n / 4; q++) y[q] += ms_simd_load_float_quad(a + c * n + 4 * q) * x[c];
+    for (size_t q = 0; q < n / 4; q++)
+      if (has_quad(is, c, q)) y[q] += ms_simd_load_float_quad(a) * x[c], a += 4;
 }
 
 /* sums[c] += column c of a times y, lane by lane */
-MS_INLINE void add_transposed(size_t n, const float *a, const double *y, ms_quad sums[BLOCK]) {
+MS_INLINE void add_transposed(triangle is, size_t n, const float *a, const double *y,
+                              ms_quad sums[BLOCK]) {
   for (size_t c = 0; c < n; c++)
     for (size_t q = 0; q < n / 4; q++)
-      sums[c] += ms_simd_load_float_quad(a + c * n + 4 * q) * ms_simd_load_quad(y + 4 * q);
+      if (has_quad(is, c, q))
+        sums[c] += ms_simd_load_float_quad(a) * ms_simd_load_quad(y + 4 * q), a += 4;
 }
 
 MS_INLINE ms_quad total(const ms_quad *sums) {
@@ -39,8 +50,9 @@ MS_INLINE ms_quad total_pairs(const ms_float_octet *sums) {
  * (coarse_cycle.h), and independent sums keep the processor busy. */
 MS_INLINE void multiply_links(size_t n, const ms_coarse_cycle *s, const float *x, int32_t p,
                               ms_quad y[QUADS]) {
-  ms_float_octet sums[BLOCK / 2], parts[2][QUADS] = {{{0}}};
-  for (size_t pair = 0; pair < n / 2; pair++) sums[pair] = (ms_float_octet){0};
+  ms_float_octet sums[BLOCK / 2], parts[2][QUADS];
+  for (size_t pair = 0; pair < n / 2; pair++)
+    sums[pair] = parts[pair % 2][pair / 2] = (ms_float_octet){0};
   for (int32_t i = s->left.first[p]; i < s->left.first[p + 1]; i++) {
     const int32_t e = s->left.item[i];
     const int16_t *a = s->link + n * n * (size_t)e;
@@ -73,7 +85,8 @@ MS_INLINE void multiply_links(size_t n, const ms_coarse_cycle *s, const float *x
 
 MS_INLINE void scale_of(size_t n, ms_coarse_cycle *s, const double *r, int32_t p) {
   ms_quad y[QUADS] = {{0}};
-  add_product(n, s->inverse + n * n * (size_t)p, r + n * (size_t)s->members.item[p], y);
+  add_product(LOWER, n, s->inverse + ms_coarse_cycle_triangle(n) * (size_t)p,
+              r + n * (size_t)s->members.item[p], y);
   for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->r + n * (size_t)p + 4 * q, y[q]);
 }
 
@@ -90,7 +103,8 @@ MS_INLINE void restrict_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
     for (size_t q = 0; q < n / 4; q++)
       ms_simd_store_quad(residual + 4 * q,
                          (1 - w) * ms_simd_load_float_quad(s->r + at + 4 * q) - w * y[q]);
-    add_transposed(n, s->prolongation + n * at, residual, sums);
+    add_transposed(UPPER, n, s->prolongation + ms_coarse_cycle_triangle(n) * (size_t)p, residual,
+                   sums);
   }
   for (size_t q = 0; q < n / 4; q++)
     ms_simd_store_quad(s->c + n * (size_t)cluster + 4 * q, total(sums + 4 * q));
@@ -102,7 +116,8 @@ MS_INLINE void correct_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
     ms_quad z[QUADS];
     for (size_t q = 0; q < n / 4; q++)
       z[q] = MS_COARSE_CYCLE_DAMPING * ms_simd_load_float_quad(s->r + at + 4 * q);
-    add_product(n, s->prolongation + n * at, s->c + n * (size_t)cluster, z);
+    add_product(UPPER, n, s->prolongation + ms_coarse_cycle_triangle(n) * (size_t)p,
+                s->c + n * (size_t)cluster, z);
     for (size_t q = 0; q < n / 4; q++) ms_simd_store_float_quad(s->z + at + 4 * q, z[q]);
   }
 }
@@ -120,7 +135,7 @@ MS_INLINE void finish_of(size_t n, const ms_coarse_cycle *s, double *out, int32_
     ms_simd_store_quad(smooth + 4 * q, z + MS_COARSE_CYCLE_DAMPING * (r - z - y[q]));
   }
   for (size_t c = 0; c < n; c++) sums[c] = (ms_quad){0};
-  add_transposed(n, s->inverse + n * at, smooth, sums);
+  add_transposed(LOWER, n, s->inverse + ms_coarse_cycle_triangle(n) * (size_t)p, smooth, sums);
   for (size_t q = 0; q < n / 4; q++) ms_simd_store_quad(to + 4 * q, total(sums + 4 * q));
 }
 
