@@ -106,16 +106,33 @@ static void restrict_rows(ms_coarse *coarse, int single, const void *r, size_t b
   else restrict_rows_of(2, 0, coarse, r, begin, end);
 }
 
-static void add_parts(ms_coarse *coarse, int32_t aggregate) {
+/* The parts of an aggregate are far apart in memory: fetch those of a later one. */
+MS_INLINE void prefetch_parts(size_t dims, const ms_coarse *coarse, int32_t aggregate) {
   const ms_buckets *parts = &coarse->restriction.of;
-  const size_t block = MS_MODES * (size_t)coarse->model->unknowns.dims;
+  if (aggregate >= coarse->aggregates.n) return;
+  for (int32_t p = parts->first[aggregate]; p < parts->first[aggregate + 1]; p++) {
+    const double *sums = coarse->restriction.sums + MS_MODES * dims * (size_t)parts->item[p];
+    __builtin_prefetch(sums);
+    __builtin_prefetch(sums + MS_MODES * dims - 1);
+  }
+}
+
+MS_INLINE void add_parts_of(size_t dims, ms_coarse *coarse, int32_t aggregate) {
+  enum { AHEAD = 2 }; /* aggregates */
+  const ms_buckets *parts = &coarse->restriction.of;
   ms_quad sum[3] = {{0}};
-  for (int32_t p = parts->first[aggregate]; p < parts->first[aggregate + 1]; p++)
-    for (size_t q = 0; q < block / 4; q++)
-      sum[q] +=
-          ms_simd_load_quad(coarse->restriction.sums + block * (size_t)parts->item[p] + 4 * q);
-  for (size_t q = 0; q < block / 4; q++)
-    ms_simd_store_quad(coarse->r + block * (size_t)aggregate + 4 * q, sum[q]);
+  prefetch_parts(dims, coarse, aggregate + AHEAD);
+  for (int32_t p = parts->first[aggregate]; p < parts->first[aggregate + 1]; p++) {
+    const double *from = coarse->restriction.sums + MS_MODES * dims * (size_t)parts->item[p];
+    for (size_t c = 0; c < dims; c++) sum[c] += ms_simd_load_quad(from + MS_MODES * c);
+  }
+  double *to = coarse->r + MS_MODES * dims * (size_t)aggregate;
+  for (size_t c = 0; c < dims; c++) ms_simd_store_quad(to + MS_MODES * c, sum[c]);
+}
+
+static void add_parts(ms_coarse *coarse, int32_t aggregate) {
+  if (coarse->model->unknowns.dims == 3) add_parts_of(3, coarse, aggregate);
+  else add_parts_of(2, coarse, aggregate);
 }
 
 const ms_coarse_kernels MS_TABLE(ms_coarse_kernels) = {assemble_aggregate, restrict_rows,
