@@ -21,19 +21,17 @@ static size_t vector_length(const ms_model *model) {
   return (size_t)model->shape.dims * (size_t)model->shape.stride;
 }
 
-/* The length of r, z, q and p, which follow each other */
+/* The length of r, q and p, which follow each other */
 static size_t vector_bytes(const ms_pcg *s) {
   return vector_length(s->base.system->model) * (s->single ? sizeof(float) : sizeof(double));
 }
 
-/* Floats fill half of the memory that r begins; of doubles z is free for the residual. */
 static void place_vectors(ms_pcg *s, int single) {
   const ms_model *model = s->base.system->model;
   s->single = single, s->unit = 1;
   s->kernels = single ? ms_single_pcg_kernels_of[model->isa] : ms_pcg_kernels_of[model->isa];
   const size_t bytes = vector_bytes(s);
-  s->z = (char *)s->r + bytes, s->q = (char *)s->z + bytes, s->p = (char *)s->q + bytes;
-  s->residual = single ? s->base.work[2] : s->z;
+  s->q = (char *)s->r + bytes, s->p = (char *)s->q + bytes;
 }
 
 /*------------------------------------- sweeps ---------------------------------------------------*/
@@ -112,7 +110,7 @@ static double pcg_apply(ms_pcg *s) {
   return sum;
 }
 
-/* r -= alpha q,  z = D^-1 r,  and the sums of P^T r. Returns r.z of this rank. */
+/* r -= alpha q,  q = z = D^-1 r,  and the sums of P^T r. Returns r.z of this rank. */
 static double pcg_reduce(ms_pcg *s, double alpha) {
   double sum = 0;
   const int32_t n = pcg_run(reduce_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
@@ -120,12 +118,12 @@ static double pcg_reduce(ms_pcg *s, double alpha) {
   return sum;
 }
 
-/* The coarse correction of r, to coarse.z, with that of the modes of ranks, which goes to z where
+/* The coarse correction of r, to coarse.z, with that of the modes of ranks, which goes to q where
  * this rank has no coarse space. product[0]: r.D^-1 r of this rank. Returns r.B r, and product[0],
  * over all ranks. */
 static double pcg_solve_coarse(ms_pcg *s, double product[2]) {
   product[1] = s->coarse_is_ready ? ms_coarse_solve(&s->coarse) : 0;
-  const ms_operands rz = {s->r, s->z, s->single};
+  const ms_operands rz = {s->r, s->q, s->single};
   const ms_coarse *coarse = s->coarse_is_ready ? &s->coarse : NULL;
   double modes = 0;
   if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, coarse, rz);
@@ -392,7 +390,7 @@ static void pcg_precondition(ms_linear *base, const double *r, double *z) {
   ms_vector_clear_all(shape, s->r);
   ms_vector_clear_all(shape, s->q);
   ms_vector_clear_all(shape, s->p);
-  s->y = s->q; /* y += 0 p */
+  s->y = s->residual; /* y += 0 p */
   ms_vector_copy(shape, r, s->r);
   ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);
   pcg_solve_coarse(s, (double[2]){pcg_reduce(s, 0)});
@@ -440,7 +438,7 @@ static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   double *room = s->coarse.value;
   if (!room) room = MS_NEW(&model->scene->alloc, s->vectors, 4 * n);
   if (!room) return ms_error_set_memory(err, "conjugate gradients");
-  s->r = room;
+  s->r = room, s->residual = room + 3 * n;
   for (size_t i = 0; i < 3; i++) s->base.work[i] = room + (i + 1) * n;
   s->jacobi = (ms_jacobi){.block = s->base.system->a.block, .scale = 1, .inverse = room + 2 * n};
   place_vectors(s, 0);

@@ -15,7 +15,7 @@
  * Angular springs (physics/angle_springs.h) are added to it in double precision.
  * One iteration consists of three sweeps over the unknowns:
  *     apply    q = A p,                                   sum p.q
- *     reduce   r -= alpha q,  z = D^-1 r,  sums of P^T r, sum r.z
+ *     reduce   r -= alpha q,  z = D^-1 r,  sums of P^T r, sum r.z;  z replaces q
  *     advance  y += alpha p,  p = z + P c + beta p
  * where D are the diagonal blocks and P c is the coarse correction, whose share of r.z follows from
  * the coarse vectors. Each kernel works on a range of slices of 8 unknowns. */
@@ -34,16 +34,16 @@ typedef struct ms_pcg {
   float *coefficients;        /* 32 halves.nslots: t, wx, wy, wz of 8 half-edges, by entry */
   ms_compression compression; /* of descend(); model NULL: not prepared */
   ms_jacobi jacobi;
-  float *inverse;  /* jacobi.inverse, rounded; in blocks even where that is scalar */
-  double *inertia; /* first_pinned: m + h b, with the mean of the block of a force function */
-  int single;      /* 1: r, z, p and q are vectors of floats, 0: of doubles; each solve chooses */
+  float *inverse;     /* jacobi.inverse, rounded; in blocks even where that is scalar */
+  double *inertia;    /* first_pinned: m + h b, with the mean of the block of a force function */
+  int single;         /* 1: r, p and q are vectors of floats, 0: of doubles; each solve chooses */
   int rounds_vectors; /* 1: solve() of a double model has floats, on all ranks */
-  void *r, *z, *p, *q;
+  void *r, *p, *q;
   double *y;        /* the caller's */
   double *residual; /* b - A y */
   double rho;       /* r.B r of the iteration that p is from; 0: p starts anew */
-  double unit;      /* of r, z, p and q; a power of 2, 1 for doubles: squares are in range */
-  double *vectors;  /* r, z, p, q and the residual; NULL: in coarse.value */
+  double unit;      /* of r, p and q; a power of 2, 1 for doubles: squares are in range */
+  double *vectors;  /* r, q, p and the residual; NULL: in coarse.value */
   ms_coarse coarse;
   int coarse_is_ready;     /* 1: the coarse matrix is factored */
   int may_reuse_coarse;    /* 1: that factor may be lagged, i.e. serve later systems */

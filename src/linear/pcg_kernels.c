@@ -110,12 +110,12 @@ static void apply_split_rows(const ms_pcg *s, double *sum) {
 
 /*------------------------------------- reduce ---------------------------------------------------*/
 
+/* z replaces q, so that its cache lines need not be read before they are written. */
 MS_INLINE void reduce_slices_of(size_t dims, const ms_pcg *s, double alpha, int32_t begin,
                                 int32_t end, double *sum) {
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   const size_t sd = (size_t)s->base.system->model->unknowns.first_pinned;
-  const ms_real *q = s->q;
-  ms_real *to_r = s->r, *to_z = s->z;
+  ms_real *to_r = s->r, *q = s->q;
   lane_sums rz = {{0}};
   for (size_t row = MS_SLICE * (size_t)begin; row < MS_SLICE * (size_t)end; row += MS_LANES) {
     ms_lanes r[3], dot = {0};
@@ -130,7 +130,7 @@ MS_INLINE void reduce_slices_of(size_t dims, const ms_pcg *s, double alpha, int3
         z += ms_simd_load_floats(s->inverse + ms_coefficients_diagonal_element(dims, c, d) * sd +
                                  row) *
              r[d];
-      ms_simd_store(to_z + c * stride + row, z);
+      ms_simd_store(q + c * stride + row, z);
       dot += r[c] * z;
     }
     add_lanes(&rz, row % MS_SLICE, dot);
@@ -164,7 +164,7 @@ MS_INLINE void prolong(size_t dims, const ms_coarse *coarse, size_t row, double 
 MS_INLINE void advance_slices_of(size_t dims, int two_level, const ms_pcg *s, double alpha,
                                  double beta, int32_t begin, int32_t end) {
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
-  const ms_real *from = s->z;
+  const ms_real *from = s->q;
   ms_real *to = s->p;
   double coarse[3][MS_SLICE] = {{0}};
   for (size_t g = MS_SLICE * (size_t)begin; g < MS_SLICE * (size_t)end; g += MS_SLICE) {
