@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "checkpoints.h"
+#include "linear/iteration_estimate.h"
 #include "scene_check.h"
 #include "two_level.h"
 
@@ -392,6 +393,22 @@ static void large_systems_get_a_cycle(void **state) {
   }
 }
 
+/* Of a large system that will take many iterations, smaller aggregates pay. */
+static void many_iterations_get_smaller_aggregates(void **state) {
+  (void)state;
+  for (int stiff = 0; stiff < 2; stiff++) {
+    msim_scene *scene = hanging_cloth(250, stiff ? 1e5 : 10, 0);
+    ms_model model;
+    assert_ok(ms_model_create(scene->data, 0, &model, err));
+    const ms_iteration_estimate p = ms_iteration_estimate_compute(&model, 1.0 / 60, 1e-6);
+    assert_int_equal(p.two_level > 75, stiff);
+    assert_int_equal(p.coarse.aggregate, stiff ? 48 : 64);
+    assert_int_equal(p.coarse.cluster, 8);
+    ms_model_destroy(&model);
+    msim_scene_destroy(scene);
+  }
+}
+
 /* The same bits with any number of threads, in a clone and from a checkpoint in the middle on */
 static void bits_are_the_same(void **state) {
   (void)state;
@@ -457,6 +474,7 @@ int main(void) {
                                      cmocka_unit_test(clusters_rotate),
                                      cmocka_unit_test(cycles_take_few_iterations),
                                      cmocka_unit_test(large_systems_get_a_cycle),
+                                     cmocka_unit_test(many_iterations_get_smaller_aggregates),
                                      cmocka_unit_test(bits_are_the_same),
                                      cmocka_unit_test(memory_that_ends_is_reported)};
   return cmocka_run_group_tests_name("coarse cycle", tests, NULL, NULL);

@@ -49,7 +49,7 @@ ms_coarse_size ms_iteration_estimate_coarse_size(const ms_model *model) {
 static ms_coarse_size choose_coarse_size(const ms_model *model, double iterations) {
   const double MANY = 75;
   ms_coarse_size size = ms_iteration_estimate_coarse_size(model);
-  if (iterations > MANY && !size.cluster) size.aggregate = size.aggregate * 3 / 4;
+  if (iterations > MANY) size.aggregate = size.aggregate * 3 / 4;
   return size;
 }
 
