@@ -113,6 +113,7 @@ static msim_status solve_full(newton *n, ms_linear_system_spec *spec, msim_error
   const msim_status status = solve_newton_system(n, spec, err);
   spec->v = NULL;
   n->is_truncated = 0;
+  if (status) n->failures++, n->failed = n->residual;
   return status;
 }
 
@@ -125,8 +126,7 @@ static msim_status solve_exact_full(newton *n, ms_linear_system_spec *spec, msim
   spec->clamp = 0, spec->use_elimination = 1;
   spec->rtol = fmin(n->eta, FINE);
   const msim_status status = solve_full(n, spec, err);
-  if (status) n->failures++, n->failed = n->residual;
-  else n->eta = spec->rtol;
+  if (!status) n->eta = spec->rtol;
   return status;
 }
 
@@ -160,7 +160,6 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
     spec.clamp = n->s->opt->jacobian == MSIM_JACOBIAN_CLAMP;
     if (!solve_full(n, &spec, err)) return MSIM_OK;
     spec.clamp = clamp;
-    n->failures++, n->failed = n->residual;
   }
   n->search = REDUCE_POTENTIAL;
   if (!descends) return solve_within(n, &spec, err);
@@ -355,7 +354,8 @@ static double rounding_level(const newton *n) {
   return 4 * DBL_EPSILON * (newton_norm(n, g->v) + newton_norm(n, g->x) / g->ah);
 }
 
-/* 1: with `more` further corrections, each theta times the one before, the error is small. */
+/* 1: with `more` further corrections, each theta times the one before, the error is small:
+ *   theta^more theta/(1 - theta) |d| <= final_tolerance() */
 static int converges_within(const newton *n, double theta, int more) {
   return n->correction > 0 && theta < 1 &&
          pow(theta, more) * theta / (1 - theta) * n->correction <= final_tolerance(n);
