@@ -55,14 +55,16 @@ static int breaks_at(const ms_law *law, double k, double rest, double l) {
   at.only_force = 0;
   at.stretch[0] = l - rest;
   ms_law_evaluate(law, 1, &k, &rest, &at);
-  const double strain = law->is.break_strain, force = law->is.break_force;
+  const double strain = law->given.break_strain, force = law->given.break_force;
   return (strain > 0 && rest > 0 && l - rest > strain * rest) || (force > 0 && at.force[0] > force);
 }
 
 /* 1: the limit is that of the law, but for rounding errors. */
 static int is_sharp(const ms_law *law, double stretch) {
-  const int kind = law->is.kind, bent = kind == MSIM_LAW_POLYNOMIAL && stretch > law->is.limit;
-  return law->is.break_force == 0 || (kind != MSIM_LAW_CALLBACK && kind != MSIM_LAW_TABLE && !bent);
+  const int kind = law->given.kind,
+            bent = kind == MSIM_LAW_POLYNOMIAL && stretch > law->given.limit;
+  return law->given.break_force == 0 ||
+         (kind != MSIM_LAW_CALLBACK && kind != MSIM_LAW_TABLE && !bent);
 }
 
 /* Springs at and around their limits, in units of the last place, and anywhere below */
@@ -121,7 +123,7 @@ static void limits_of_tables_are_sharp(void **state) {
       msim_law nearly = given;
       nearly.break_force -= 1e-4 * slope;
       if (nearly.break_force > 0) {
-        law.is.break_force = nearly.break_force;
+        law.given.break_force = nearly.break_force;
         sharp += breaks_at(&law, 1, 2, limit + 1e-9);
       }
     }

@@ -148,7 +148,8 @@ static const char *compare_kept(const msim_comm *comm, const msim_sim *a, const 
   EXPECT(are_same_scenes(a->scene, b->scene) && are_same_scenes(k->slice, l->slice));
   EXPECT(is_same(k->particle, l->particle, a->scene->nparticles, 4));
   EXPECT(is_same(k->spring, l->spring, a->scene->nsprings, 4));
-  EXPECT(is_same(k->owner, l->owner, k->is.n, 4) && memcmp(&k->is, &l->is, sizeof k->is) == 0);
+  EXPECT(is_same(k->owner, l->owner, k->in_whole.n, 4) &&
+         memcmp(&k->in_whole, &l->in_whole, sizeof k->in_whole) == 0);
   EXPECT(is_same(p->place, q->place, own, 4) && is_same(p->bytes, q->bytes, comm->nranks, 8));
   EXPECT(p->whole.n == q->whole.n && is_same(p->whole.hash, q->whole.hash, p->whole.n, 8));
   EXPECT(!p->owner && !q->owner && !q->number && !l->order);

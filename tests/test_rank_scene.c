@@ -220,7 +220,7 @@ static const char *check_others(msim_comm *comm, void *data) {
   opt.comm = comm, opt.threads = 1;
   EXPECT(particle && spring && msim_sim_create(scene, &opt, &sim, &why) == MSIM_OK);
   EXPECT(!sim->kept == (s->angles.n > 0) && msim_sim_energy(sim, &e) == MSIM_OK);
-  const ms_section *is = &sim->section->is;
+  const ms_section *is = &sim->section->in_whole;
   find_needed(s, is, comm->rank == 0, particle, spring);
   EXPECT(is_list_of(particle, s->nparticles, is->other, is->nothers));
   EXPECT(is_list_of(spring, s->nsprings, is->other_spring, is->nother_springs));

@@ -135,7 +135,7 @@ static void faces_find_their_springs_in_large_scenes(void **state) {
   assert_ok(msim_scene_add_cloth(scene, &cloth, err));
   const ms_scene *data = scene->data;
   const ms_section all = ms_section_whole(data);
-  const ms_strain_section section = {.is = all, .scene = data, .numbers = all};
+  const ms_strain_section section = {.in_whole = all, .scene = data, .numbers = all};
   assert_ok(ms_strain_init(&s, &section, data->nparticles, 0, &alloc, err));
   assert_int_equal(data->nfaces, 2 * (SIDE - 1) * (SIDE - 1));
   for (int32_t e = 0; e < 3 * data->nfaces; e++) {

@@ -129,7 +129,7 @@ static void list_planes(const ms_scene *s, ms_fingerprint_visitor *mark, void *d
 static void list_laws(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
   if (!s->law) return;
   for (int32_t i = 0; i < s->nlaws; i++) {
-    const msim_law *law = &s->laws[i].is;
+    const msim_law *law = &s->laws[i].given;
     const size_t bytes = (size_t)law->n * sizeof(double);
     const double numbers[] = {law->kind,          law->n,
                               law->half_width,    law->limit,

@@ -25,7 +25,7 @@ static inline ms_law_value compression(const ms_law *law, double e) {
 }
 
 static inline ms_law_value dead_band(const ms_law *law, double e) {
-  const double w = law->is.half_width, over = e > w ? e - w : 0, under = e < -w ? e + w : 0;
+  const double w = law->given.half_width, over = e > w ? e - w : 0, under = e < -w ? e + w : 0;
   const double c = over + under;
   return (ms_law_value){c, c != 0, 0.5 * c * c};
 }
@@ -48,11 +48,11 @@ static inline void evaluate_scaled(const ms_law *law, unit_law *unit, int32_t n,
  * by bisection, where it is piece at[i] or one of the `left` ones after it */
 static void find_pieces(const ms_law *law, int32_t n, const double *stretch, int32_t *at) {
   enum { SHORT = 8 };
-  const double *x = law->is.stretch;
+  const double *x = law->given.stretch;
   for (int32_t i = 0; i < n; i++) at[i] = 0;
-  for (int32_t k = 0; k < law->is.n && law->is.n <= SHORT; k++)
+  for (int32_t k = 0; k < law->given.n && law->given.n <= SHORT; k++)
     for (int32_t i = 0; i < n; i++) at[i] += !(stretch[i] < x[k]);
-  for (int32_t left = law->is.n > SHORT ? law->is.n : 0; left > 0; left -= (left + 1) / 2)
+  for (int32_t left = law->given.n > SHORT ? law->given.n : 0; left > 0; left -= (left + 1) / 2)
     for (int32_t i = 0, half = (left + 1) / 2; i < n; i++)
       at[i] += half * !(stretch[i] < x[at[i] + half - 1]);
 }
@@ -74,14 +74,14 @@ static void evaluate_table(const ms_law *law, int32_t n, ms_law_batch *b) {
  *   f = p(c) + p'(c) d,  f' = p'(c),  E = P(c) + p(c) d + p'(c) d^2/2,  P the integral of p,
  * by Horner's rule for all springs at once */
 static void evaluate_polynomial(const ms_law *law, int32_t n, const double *k, ms_law_batch *b) {
-  const double *a = law->is.coefficients, most = law->is.limit;
+  const double *a = law->given.coefficients, most = law->given.limit;
   double c[MS_LAW_BATCH], p[MS_LAW_BATCH] = {0}, slope[MS_LAW_BATCH] = {0};
   double integral[MS_LAW_BATCH] = {0};
   for (int32_t e = 0; e < n; e++) {
     const double at = b->stretch[e];
     c[e] = at > most ? most : at < -most ? -most : at;
   }
-  for (int32_t i = law->is.n - 1; i >= 0; i--) {
+  for (int32_t i = law->given.n - 1; i >= 0; i--) {
     for (int32_t e = 0; e < n; e++) p[e] = p[e] * c[e] + a[i];
     for (int32_t e = 0; e < n; e++) slope[e] = slope[e] * c[e] + (i + 1) * a[i];
     for (int32_t e = 0; e < n && !b->only_force; e++)
@@ -106,12 +106,12 @@ static void evaluate_callback(const ms_law *law, int32_t n, const double *k, con
                              .force = b->force,
                              .slope = b->slope,
                              .energy = b->energy};
-  law->is.function(law->is.data, &of);
+  law->given.function(law->given.data, &of);
 }
 
 void ms_law_evaluate(const ms_law *law, int32_t n, const double *k, const double *rest,
                      ms_law_batch *b) {
-  switch (law->is.kind) {
+  switch (law->given.kind) {
     case MSIM_LAW_LINEAR:
       evaluate_scaled(law, linear, n, k, b);
       break;

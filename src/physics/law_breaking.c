@@ -23,10 +23,10 @@ static double divide_by_stiffness(double force, double k) {
  * law, where f continues along its tangent, as B is convex. Rounding errors of Horner's rule, below
  * 2 n units of the sum of all |a_i| e^(i+1), are added to B. */
 static double bound_polynomial(const ms_law *law, double e) {
-  const double rounding = 16 * DBL_EPSILON * law->is.n;
+  const double rounding = 16 * DBL_EPSILON * law->given.n;
   double sum = 0;
-  for (int32_t i = law->is.n - 1; i >= 0; i--) {
-    const double a = law->is.coefficients[i];
+  for (int32_t i = law->given.n - 1; i >= 0; i--) {
+    const double a = law->given.coefficients[i];
     sum = sum * e + fmax(a, 0) + rounding * fabs(a);
   }
   return sum * e;
@@ -37,8 +37,8 @@ static double bound_polynomial(const ms_law *law, double e) {
 static double find_polynomial_stretch(const ms_law *law, double q) {
   enum { CHORDS = 24 };
   double high = INFINITY, low = 0;
-  for (int32_t i = 0; i < law->is.n; i++) {
-    const double a = law->is.coefficients[i];
+  for (int32_t i = 0; i < law->given.n; i++) {
+    const double a = law->given.coefficients[i];
     if (i % 2 ? a > 0 : a < 0) return -INFINITY;
     if (a > 0) high = fmin(high, pow(q / a, 1. / (i + 1)));
   }
@@ -55,7 +55,7 @@ static double find_polynomial_stretch(const ms_law *law, double q) {
 static double find_piece_stretch(const ms_law *law, int32_t i, double most) {
   enum { HALVINGS = 40 };
   const ms_law_piece *p = &law->piece[i];
-  double low = law->is.stretch[i - 1], high = law->is.stretch[i];
+  double low = law->given.stretch[i - 1], high = law->given.stretch[i];
   for (int k = 0; k < HALVINGS; k++) {
     const double middle = low + (high - low) / 2, s = middle - p->start;
     if (p->a + s * (p->b + s * (p->c + s * p->d)) <= most) low = middle;
@@ -66,7 +66,7 @@ static double find_piece_stretch(const ms_law *law, int32_t i, double most) {
 
 /* F less the rounding errors of a piece, whose terms are some times its largest force */
 static double find_table_stretch(const ms_law *law) {
-  const msim_law *t = &law->is;
+  const msim_law *t = &law->given;
   const ms_law_piece *low = law->piece, *high = law->piece + t->n;
   double size = 0;
   for (int32_t i = 0; i < t->n; i++) size = fmax(size, fabs(t->force[i]));
@@ -79,13 +79,13 @@ static double find_table_stretch(const ms_law *law) {
 
 /* The force does not exceed break_force up to this stretch; -INFINITY: unknown. */
 static double find_force_stretch(const ms_law *law, double k) {
-  const double force = law->is.break_force;
-  switch (law->is.kind) {
+  const double force = law->given.break_force;
+  switch (law->given.kind) {
     case MSIM_LAW_LINEAR:
     case MSIM_LAW_TENSION:
       return divide_by_stiffness(force, k);
     case MSIM_LAW_DEAD_BAND:
-      return law->is.half_width + divide_by_stiffness(force, k);
+      return law->given.half_width + divide_by_stiffness(force, k);
     case MSIM_LAW_COMPRESSION:
       return INFINITY;
     case MSIM_LAW_POLYNOMIAL:
@@ -98,12 +98,12 @@ static double find_force_stretch(const ms_law *law, double k) {
 }
 
 static double find_stretch(const ms_law *law, double k) {
-  return law->is.break_force > 0 ? find_force_stretch(law, k) : INFINITY;
+  return law->given.break_force > 0 ? find_force_stretch(law, k) : INFINITY;
 }
 
 /* At most DBL_MAX, as the test decides about infinite lengths */
 static double limit_length(const ms_law *law, double rest, double stretch) {
-  const double strain = law->is.break_strain;
+  const double strain = law->given.break_strain;
   const double e = strain > 0 && rest > 0 ? fmin(stretch, strain * rest) : stretch;
   return fmin(DBL_MAX, rest + e - MARGIN * (rest + fabs(e)));
 }

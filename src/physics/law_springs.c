@@ -75,7 +75,7 @@ static int find_in_sweep(const ms_model *model) {
   if (model->half_edges.nparts || model->angles.n) return 0;
   for (int32_t e = 0; e < model->springs.n; e++) {
     const int32_t law = law_number(model, e);
-    if (is_free(model, e) && (!law || model->scene->laws[law - 1].is.kind != MSIM_LAW_LINEAR))
+    if (is_free(model, e) && (!law || model->scene->laws[law - 1].given.kind != MSIM_LAW_LINEAR))
       return 0;
   }
   return 1;

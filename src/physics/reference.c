@@ -96,9 +96,9 @@ void ms_reference_compute_force(const ms_scene *scene, const double *x, const do
 }
 
 static int any_is_pinned(const ms_scene *s, const int32_t *particle, int n) {
-  int is = 0;
-  for (int k = 0; k < n; k++) is |= s->pinned[particle[k]];
-  return is;
+  int pinned = 0;
+  for (int k = 0; k < n; k++) pinned |= s->pinned[particle[k]];
+  return pinned;
 }
 
 /* A pinned particle does not accelerate: F + R = 0. */

@@ -214,7 +214,7 @@ static ms_strain_section find_section(const msim_recorder *r, const double *x, c
   msim_sim *sim = r->sim;
   const ms_section all = ms_section_whole(sim->scene);
   if (!r->frames.ranks) return (ms_strain_section){all, sim->scene, all, x, v};
-  return (ms_strain_section){sim->section->is, ms_rank_section_scene(sim),
+  return (ms_strain_section){sim->section->in_whole, ms_rank_section_scene(sim),
                              ms_rank_section_numbers(sim), x, v};
 }
 
@@ -407,7 +407,7 @@ static msim_status record_state(msim_recorder *r, const frame_state *s, msim_err
                         "step %lld, t = %g s: the energy is not a finite number; use a smaller h "
                         "or another integrator",
                         (long long)frame.step, frame.t);
-  status = ms_ranks_agree(sim->ranks, write_frame(r, &s->section.is, &frame, err), err);
+  status = ms_ranks_agree(sim->ranks, write_frame(r, &s->section.in_whole, &frame, err), err);
   return status ? status : ms_error_clear(err);
 }
 

@@ -34,14 +34,15 @@ static int32_t *find_entry(const spring_table *t, int32_t a, int32_t b) {
 
 /* The spring with the lowest number counts where several have the same ends. */
 static void add_spring(spring_table *t, int32_t row) {
-  const ms_section *is = &t->section->is;
+  const ms_section *section = &t->section->in_whole;
   const int32_t *ends = get_ends(t->section, row);
   int32_t *entry = find_entry(t, ends[0], ends[1]);
-  if (!*entry || ms_section_spring(is, row) < ms_section_spring(is, *entry - 1)) *entry = row + 1;
+  if (!*entry || ms_section_spring(section, row) < ms_section_spring(section, *entry - 1))
+    *entry = row + 1;
 }
 
 static int fill_table(spring_table *t, const msim_allocator *alloc) {
-  const int32_t n = t->section->is.nsprings + t->section->is.nother_springs;
+  const int32_t n = t->section->in_whole.nsprings + t->section->in_whole.nother_springs;
   size_t size = 1;
   while (size < 2 * (size_t)n + 1) size *= 2;
   t->mask = size - 1;
@@ -52,11 +53,11 @@ static int fill_table(spring_table *t, const msim_allocator *alloc) {
 
 static void find_edges(ms_strain *s, const spring_table *t) {
   const ms_strain_section *of = t->section;
-  for (int64_t i = 0; i < of->is.nfaces; i++) {
+  for (int64_t i = 0; i < of->in_whole.nfaces; i++) {
     const int32_t *corner = of->scene->faces + 3 * (of->numbers.first_face + i);
     for (int c = 0; c < 3; c++) {
       const int32_t row = *find_entry(t, corner[c], corner[(c + 1) % 3]) - 1;
-      s->edge[3 * i + c] = row < 0 ? -1 : ms_section_spring(&of->is, row);
+      s->edge[3 * i + c] = row < 0 ? -1 : ms_section_spring(&of->in_whole, row);
     }
   }
 }
@@ -70,13 +71,13 @@ static int has_pins(const ms_scene *scene) {
 msim_status ms_strain_init(ms_strain *s, const ms_strain_section *section, int32_t nparticles,
                            int reactions, const msim_allocator *alloc, msim_error *err) {
   spring_table table = {.section = section};
-  const size_t ncells = (size_t)ms_section_count_cells(&section->is);
+  const size_t ncells = (size_t)ms_section_count_cells(&section->in_whole);
   const int has_reactions = reactions && has_pins(section->scene);
   *s = (ms_strain){.nparticles = (size_t)nparticles};
-  if (!MS_NEW(alloc, s->edge, 3 * (size_t)section->is.nfaces) ||
+  if (!MS_NEW(alloc, s->edge, 3 * (size_t)section->in_whole.nfaces) ||
       !MS_NEW(alloc, s->strain, ncells) || !MS_NEW(alloc, s->tension, ncells) ||
       (has_reactions && !MS_NEW(alloc, s->reaction, 3 * s->nparticles)) ||
-      (section->is.nfaces > 0 && !fill_table(&table, alloc)))
+      (section->in_whole.nfaces > 0 && !fill_table(&table, alloc)))
     return ms_error_set_memory(err, "the strain of a frame");
   find_edges(s, &table);
   ms_memory_free(alloc, table.entries);
@@ -112,8 +113,8 @@ static cell compute_spring(const ms_strain_section *section, int32_t row) {
 
 /* Other springs are computed again. */
 static cell get_spring(const ms_strain *s, const ms_strain_section *section, int32_t e) {
-  const int32_t row = ms_section_spring_row(&section->is, e);
-  if (row >= section->is.nsprings) return compute_spring(section, row);
+  const int32_t row = ms_section_spring_row(&section->in_whole, e);
+  if (row >= section->in_whole.nsprings) return compute_spring(section, row);
   return (cell){s->strain[row], s->tension[row]};
 }
 
@@ -132,8 +133,8 @@ static cell compute_face(const ms_strain *s, const ms_strain_section *section,
 
 /* ... after all springs */
 static void compute_cells(ms_strain *s, const ms_strain_section *section) {
-  const int32_t n = section->is.nsprings;
-  for (int64_t k = 0; k < ms_section_count_cells(&section->is); k++) {
+  const int32_t n = section->in_whole.nsprings;
+  for (int64_t k = 0; k < ms_section_count_cells(&section->in_whole); k++) {
     const cell it = k < n ? compute_spring(section, (int32_t)k)
                           : compute_face(s, section, s->edge + 3 * (k - n));
     s->strain[k] = it.strain, s->tension[k] = it.tension;
@@ -156,14 +157,14 @@ static void compute_reactions(ms_strain *s, const ms_strain_section *section, si
   memset(s->reaction, 0, 3 * s->nparticles * sizeof *s->reaction);
   for (size_t i = 0; i < rows; i++) {
     if (!scene->pinned[ms_section_particle(&section->numbers, i)]) continue;
-    float *to = s->reaction + 3 * (size_t)ms_section_particle(&section->is, i);
+    float *to = s->reaction + 3 * (size_t)ms_section_particle(&section->in_whole, i);
     for (size_t c = 0; c < 3; c++) to[c] = to_float(s->exact[3 * i + c]);
   }
 }
 
 msim_status ms_strain_compute(ms_strain *s, const ms_strain_section *section,
                               const msim_allocator *alloc, msim_error *err) {
-  const size_t rows = (size_t)section->is.n + (size_t)section->is.nothers;
+  const size_t rows = (size_t)section->in_whole.n + (size_t)section->in_whole.nothers;
   compute_cells(s, section);
   if (!s->reaction) return MSIM_OK;
   const msim_status status = reserve_exact(s, rows, alloc, err);

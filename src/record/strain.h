@@ -21,7 +21,7 @@ typedef struct ms_strain {
 /* A section of a scene with its other springs, and with reactions the ends of all springs and
  * angular springs at pinned particles */
 typedef struct ms_strain_section {
-  ms_section is;
+  ms_section in_whole;   /* in the numbers of the whole scene */
   const ms_scene *scene; /* has all of it: the whole scene, or a slice of it */
   ms_section numbers;    /* the section in the numbers of this scene */
   const double *x, *v;   /* of its rows */

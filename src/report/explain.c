@@ -84,7 +84,7 @@ static void explain_laws(const msim_sim *sim, ms_text *out) {
     if (count)
       ms_text_append(
           out, "              law %d, %s, of %d springs, evaluated apart from linear ones%s\n", law,
-          ms_laws_kind_name(s->laws[law - 1].is.kind), count,
+          ms_laws_kind_name(s->laws[law - 1].given.kind), count,
           ms_law_breaks(&s->laws[law - 1]) ? "; they break" : "");
   }
 }

@@ -106,7 +106,7 @@ static void append_member(export_state *e, int32_t law, const double *number,
 static void export_laws(export_state *e) {
   const ms_scene *s = e->scene;
   for (int32_t i = 0; i <= s->nlaws && s->nlaws; i++) {
-    const msim_law *law = i ? &s->laws[i - 1].is : NULL;
+    const msim_law *law = i ? &s->laws[i - 1].given : NULL;
     const char *type = ms_laws_kind_name(law ? law->kind : MSIM_LAW_LINEAR);
     append_node(e, MSIM_NODE_TEXT, 1, type, "laws/%d/type", i)->dims[0] = (int64_t)strlen(type);
     if (!law) continue;

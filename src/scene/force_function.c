@@ -43,22 +43,22 @@ static msim_status check_function(const msim_force_function *f, msim_error *err)
 msim_status msim_scene_set_force_function(msim_scene *scene, const msim_force_function *function,
                                           msim_error *err) {
   if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");
-  msim_force_function is = {0};
+  msim_force_function given = {0};
   if (function) {
     msim_status status =
-        ms_sized_check(function, sizeof is, sizeof is, "force_function", "function", err);
+        ms_sized_check(function, sizeof given, sizeof given, "force_function", "function", err);
     if (status) return status;
-    ms_sized_read(&is, sizeof is, function);
-    is.size = sizeof is;
-    status = check_function(&is, err);
+    ms_sized_read(&given, sizeof given, function);
+    given.size = sizeof given;
+    status = check_function(&given, err);
     if (status) return status;
   }
   ms_scene *s = ms_scene_make_writable(scene, err);
   if (!s) return MSIM_ERR_MEMORY;
-  char *name = is.name ? ms_memory_copy_string(&s->alloc, is.name) : NULL;
-  if (is.name && !name) return ms_error_set_memory(err, "a name");
+  char *name = given.name ? ms_memory_copy_string(&s->alloc, given.name) : NULL;
+  if (given.name && !name) return ms_error_set_memory(err, "a name");
   ms_memory_free(&s->alloc, (void *)(uintptr_t)s->force_function.name);
-  s->force_function = is;
+  s->force_function = given;
   s->force_function.name = name;
   return ms_error_clear(err);
 }

@@ -90,11 +90,11 @@ int ms_import_part_select(ms_import_nodes *in, ms_scene_part *part) {
   part->nfaces = (int32_t)count_rows(root, of_faces);
   if (!may_be_divided(root, part)) return 0;
   part->lacks_rest = part->nsprings && !has_member(root, "springs", "rest");
-  const ms_section is = ms_section_of_part(part);
-  limit_rows(root, of_particles, is.first, is.n);
-  limit_rows(root, of_springs, is.first_spring, is.nsprings);
-  limit_rows(root, of_faces, is.first_face, is.nfaces);
-  in->reader.first_particle = is.first, in->reader.nends = part->nparticles;
+  const ms_section section = ms_section_of_part(part);
+  limit_rows(root, of_particles, section.first, section.n);
+  limit_rows(root, of_springs, section.first_spring, section.nsprings);
+  limit_rows(root, of_faces, section.first_face, section.nfaces);
+  in->reader.first_particle = section.first, in->reader.nends = part->nparticles;
   return 1;
 }
 

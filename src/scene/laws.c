@@ -40,12 +40,12 @@ static double piece_energy(const ms_law_piece *p, double s) {
 
 /* Energies are 0 at e = 0. */
 static void set_table_energies(ms_law *law) {
-  const int32_t n = law->is.n;
+  const int32_t n = law->given.n;
   int32_t zero = 0;
   for (int32_t i = 1; i < n; i++)
     law->piece[i + 1].energy =
-        piece_energy(&law->piece[i], law->is.stretch[i] - law->piece[i].start);
-  while (zero < n && law->is.stretch[zero] <= 0) zero++;
+        piece_energy(&law->piece[i], law->given.stretch[i] - law->piece[i].start);
+  while (zero < n && law->given.stretch[zero] <= 0) zero++;
   const double at_rest = piece_energy(&law->piece[zero], 0 - law->piece[zero].start);
   for (int32_t i = 0; i <= n; i++) law->piece[i].energy -= at_rest;
 }
@@ -54,13 +54,13 @@ static void set_table_energies(ms_law *law) {
  * cancellation.
  * At the upper end of a piece force and slope are those of the next one. */
 static void center_pieces(ms_law *law, const double *slope) {
-  const double *x = law->is.stretch;
-  for (int32_t i = 1; i < law->is.n; i++) {
+  const double *x = law->given.stretch;
+  for (int32_t i = 1; i < law->given.n; i++) {
     ms_law_piece *p = &law->piece[i];
     const double at = fmin(fmax(0, x[i - 1]), x[i]), s = at - p->start;
     if (s == 0) continue;
     p->energy = at == 0 ? 0 : piece_energy(p, s);
-    p->a = at == x[i] ? law->is.force[i] : p->a + s * (p->b + s * (p->c + s * p->d));
+    p->a = at == x[i] ? law->given.force[i] : p->a + s * (p->b + s * (p->c + s * p->d));
     p->b = at == x[i] ? slope[i] : p->b + s * (2 * p->c + s * 3 * p->d);
     p->c += 3 * p->d * s;
     p->start = at;
@@ -73,7 +73,7 @@ static double bound_piece_slope(double delta, double from, double to) {
 }
 
 static void set_table(ms_law *law, double *slope) {
-  const msim_law *t = &law->is;
+  const msim_law *t = &law->given;
   const double *x = t->stretch, *f = t->force;
   const int32_t last = t->n - 1;
   for (int32_t i = 0; i <= last; i++) slope[i] = initial_slope(t, i);
@@ -106,7 +106,7 @@ static double depth_beyond(double force, double slope) {
 /* Between two points the force lies between those there: where it pushes away from rest, the
  * energy falls by its integral at most. */
 static double bound_table_depth(const ms_law *law) {
-  const msim_law *t = &law->is;
+  const msim_law *t = &law->given;
   const ms_law_piece *low = law->piece, *high = law->piece + t->n;
   double below = depth_beyond(-low->a, low->b), above = depth_beyond(high->a, high->b);
   for (int32_t i = 0; i + 1 < t->n; i++) {
@@ -125,7 +125,7 @@ static double bound_table_depth(const ms_law *law) {
 
 /* Terms of odd power with a coefficient < 0, and of even power at one sign of e, lower it. */
 static void set_polynomial(ms_law *law) {
-  const msim_law *p = &law->is;
+  const msim_law *p = &law->given;
   double power = 1, inside = 0, f[2] = {0}, slope[2] = {0};
   for (int32_t i = 0; i < p->n; i++) {
     const double c = p->coefficients[i], sign = i % 2 ? -1 : 1;
@@ -153,32 +153,32 @@ void ms_laws_free_one(const msim_allocator *alloc, ms_law *law) {
 }
 
 static int copy_arrays(const msim_allocator *alloc, ms_law *law) {
-  const size_t n = (size_t)law->is.n, bytes = n * sizeof(double);
-  if (law->is.kind != MSIM_LAW_TABLE && law->is.kind != MSIM_LAW_POLYNOMIAL) return 1;
+  const size_t n = (size_t)law->given.n, bytes = n * sizeof(double);
+  if (law->given.kind != MSIM_LAW_TABLE && law->given.kind != MSIM_LAW_POLYNOMIAL) return 1;
   /* tables: the last third is scratch for slopes */
   if (!MS_NEW(alloc, law->numbers, 3 * n) || !MS_NEW(alloc, law->piece, n + 1)) return 0;
-  if (law->is.kind == MSIM_LAW_POLYNOMIAL) {
-    law->is.coefficients = memcpy(law->numbers, law->is.coefficients, bytes);
+  if (law->given.kind == MSIM_LAW_POLYNOMIAL) {
+    law->given.coefficients = memcpy(law->numbers, law->given.coefficients, bytes);
     return 1;
   }
-  law->is.stretch = memcpy(law->numbers, law->is.stretch, bytes);
-  law->is.force = memcpy(law->numbers + n, law->is.force, bytes);
+  law->given.stretch = memcpy(law->numbers, law->given.stretch, bytes);
+  law->given.force = memcpy(law->numbers + n, law->given.force, bytes);
   return 1;
 }
 
-int ms_laws_prepare(const msim_allocator *alloc, const msim_law *is, ms_law *law) {
-  *law = (ms_law){.is = *is, .scales = 1};
+int ms_laws_prepare(const msim_allocator *alloc, const msim_law *given, ms_law *law) {
+  *law = (ms_law){.given = *given, .scales = 1};
   if (!copy_arrays(alloc, law)) {
     ms_laws_free_one(alloc, law);
     return 0;
   }
-  if (is->kind == MSIM_LAW_POLYNOMIAL) set_polynomial(law);
-  else if (is->kind == MSIM_LAW_TABLE) {
+  if (given->kind == MSIM_LAW_POLYNOMIAL) set_polynomial(law);
+  else if (given->kind == MSIM_LAW_TABLE) {
     law->scales = 0;
-    set_table(law, law->numbers + 2 * (size_t)is->n);
+    set_table(law, law->numbers + 2 * (size_t)given->n);
     law->depth = bound_table_depth(law);
-  } else if (is->kind == MSIM_LAW_CALLBACK) {
-    law->scales = 0, law->slope = is->largest_slope, law->depth = is->energy_depth;
+  } else if (given->kind == MSIM_LAW_CALLBACK) {
+    law->scales = 0, law->slope = given->largest_slope, law->depth = given->energy_depth;
   } else {
     law->slope = 1;
   }
@@ -202,7 +202,7 @@ int ms_laws_copy(const ms_scene *from, ms_scene *to) {
   if (ms_memory_reserve(&to->alloc, MS_ARRAY(to->laws), 0, &to->law_capacity, from->nlaws, &inner))
     return 0;
   for (; to->nlaws < from->nlaws; to->nlaws++)
-    if (!ms_laws_prepare(&to->alloc, &from->laws[to->nlaws].is, &to->laws[to->nlaws])) return 0;
+    if (!ms_laws_prepare(&to->alloc, &from->laws[to->nlaws].given, &to->laws[to->nlaws])) return 0;
   if (from->law) {
     if (!MS_NEW(&to->alloc, to->law, to->spring_capacity)) return 0;
     memcpy(to->law, from->law, (size_t)from->nsprings * sizeof *to->law);

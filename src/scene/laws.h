@@ -10,7 +10,7 @@ typedef struct ms_law_piece {
 } ms_law_piece;
 
 typedef struct ms_law {
-  msim_law is;         /* as the caller gave it; its arrays are `numbers` */
+  msim_law given;      /* as the caller gave it; its arrays are `numbers` */
   double *numbers;     /* coefficients, or stretch and force of the table */
   ms_law_piece *piece; /* TABLE: n + 1, the first and the last one linear: piece[i] ends, and
                           piece[i + 1] starts, at stretch[i] */
@@ -24,13 +24,13 @@ typedef struct ms_law {
 enum { MS_INTACT, MS_BROKEN, MS_BROKEN_BEFORE, MS_BREAKING };
 
 static inline int ms_law_breaks(const ms_law *law) {
-  return law->is.break_strain > 0 || law->is.break_force > 0;
+  return law->given.break_strain > 0 || law->given.break_force > 0;
 }
 
 static inline int ms_law_exceeds_threshold(const ms_law *law, double stretch, double force,
                                            double rest) {
-  return (law->is.break_strain > 0 && rest > 0 && stretch > law->is.break_strain * rest) ||
-         (law->is.break_force > 0 && force > law->is.break_force);
+  return (law->given.break_strain > 0 && rest > 0 && stretch > law->given.break_strain * rest) ||
+         (law->given.break_force > 0 && force > law->given.break_force);
 }
 
 /* 1: the scene has a law by which springs break. */
@@ -70,7 +70,7 @@ double ms_scene_energy_depth(const ms_scene *s, int32_t spring);
 const char *ms_laws_kind_name(int32_t kind);
 
 /* Prepare a checked law: copies its arrays. 0: out of memory. */
-int ms_laws_prepare(const msim_allocator *alloc, const msim_law *is, ms_law *law);
+int ms_laws_prepare(const msim_allocator *alloc, const msim_law *given, ms_law *law);
 void ms_laws_free_one(const msim_allocator *alloc, ms_law *law);
 
 /* Copy the laws of `from`, their numbers and broken springs to `to`, which has its springs. 0: out

@@ -127,7 +127,7 @@ static msim_status save_to_part(const ms_scene *scene, const char *part, const c
 msim_status msim_scene_save(const msim_scene *scene, const char *path, msim_error *err) {
   if (!scene || !path) return ms_error_set(err, MSIM_ERR_ARG, "scene or path is NULL");
   for (int32_t i = 0; i < scene->data->nlaws; i++)
-    if (scene->data->laws[i].is.kind == MSIM_LAW_CALLBACK)
+    if (scene->data->laws[i].given.kind == MSIM_LAW_CALLBACK)
       return ms_error_set(err, MSIM_ERR_UNSUPPORTED,
                           "law %d is a callback, which scene files cannot represent; use a table",
                           i + 1);

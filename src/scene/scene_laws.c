@@ -114,22 +114,22 @@ static msim_status check_law(const msim_law *law, msim_error *err) {
 msim_status msim_scene_add_law(msim_scene *scene, const msim_law *law, int32_t *index,
                                msim_error *err) {
   if (!scene || !law) return ms_error_set(err, MSIM_ERR_ARG, "scene or law is NULL");
-  msim_law is;
+  msim_law given;
   msim_status status =
-      ms_sized_check(law, sizeof is, MS_SIZE_THROUGH(msim_law, energy_depth), "law", "law", err);
+      ms_sized_check(law, sizeof given, MS_SIZE_THROUGH(msim_law, energy_depth), "law", "law", err);
   if (status) return status;
-  ms_sized_read(&is, sizeof is, law);
-  is.size = sizeof is;
-  status = check_law(&is, err);
+  ms_sized_read(&given, sizeof given, law);
+  given.size = sizeof given;
+  status = check_law(&given, err);
   if (status) return status;
   ms_law fresh;
   const msim_allocator alloc = scene->data->alloc;
-  if (!ms_laws_prepare(&alloc, &is, &fresh)) return ms_error_set_memory(err, "a law of springs");
+  if (!ms_laws_prepare(&alloc, &given, &fresh)) return ms_error_set_memory(err, "a law of springs");
   if (!isfinite(fresh.slope) || isnan(fresh.depth)) {
     ms_laws_free_one(&alloc, &fresh);
     return ms_error_set(
         err, MSIM_ERR_ARG, "%s a slope beyond the range of double; use smaller numbers",
-        is.kind == MSIM_LAW_TABLE ? "stretch and force give" : "coefficients and limit give");
+        given.kind == MSIM_LAW_TABLE ? "stretch and force give" : "coefficients and limit give");
   }
   ms_scene *s = ms_scene_make_writable(scene, err);
   status = s ? ms_memory_reserve(&s->alloc, MS_ARRAY(s->laws), s->nlaws, &s->law_capacity,
@@ -171,5 +171,5 @@ msim_status msim_scene_set_law(msim_scene *scene, int32_t n, const int32_t *spri
 msim_status msim_scene_get_law(const msim_scene *scene, int32_t index, msim_law *law) {
   if (!scene || !law || index < 0 || index > scene->data->nlaws) return MSIM_ERR_ARG;
   const msim_law linear = {.size = sizeof linear, .kind = MSIM_LAW_LINEAR};
-  return ms_sized_write(law, index ? &scene->data->laws[index - 1].is : &linear, sizeof linear);
+  return ms_sized_write(law, index ? &scene->data->laws[index - 1].given : &linear, sizeof linear);
 }

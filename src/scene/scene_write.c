@@ -120,7 +120,7 @@ static void write_law(ms_text *text, const msim_law *law) {
 static void write_json_laws(ms_text *text, const ms_scene *s) {
   if (s->nlaws == 0) return;
   ms_text_append(text, ",\n  \"laws\": [\n    {\"type\": \"linear\"}");
-  for (int32_t i = 0; i < s->nlaws; i++) write_law(text, &s->laws[i].is);
+  for (int32_t i = 0; i < s->nlaws; i++) write_law(text, &s->laws[i].given);
   ms_text_append(text, "\n  ]");
 }
 

@@ -42,12 +42,12 @@ static msim_status assign_owners(ms_ranks *ranks, ms_scene *t, ms_rank_load *loa
   if (!status) status = ms_rank_part_create_on_root(t, ranks, &load->part, err);
   ms_memory_free(&t->alloc, t->x);
   t->x = NULL;
-  if (!status) status = agree(ranks, !!MS_NEW(&t->alloc, kept->owner, kept->is.n), err);
+  if (!status) status = agree(ranks, !!MS_NEW(&t->alloc, kept->owner, kept->in_whole.n), err);
   if (status) return status;
   for (int32_t r = 0; r < ranks->n; r++) {
     const ms_section is = ms_section_of_rank(t, r, ranks->n);
     kept->send_bytes[r] = is_root(ranks) ? is.n * (int64_t)sizeof *kept->owner : 0;
-    kept->receive_bytes[r] = r == 0 ? kept->is.n * (int64_t)sizeof *kept->owner : 0;
+    kept->receive_bytes[r] = r == 0 ? kept->in_whole.n * (int64_t)sizeof *kept->owner : 0;
   }
   ms_ranks_all_to_all(ranks, kept->send_bytes, load->part->owner, kept->receive_bytes, kept->owner);
   return ms_ranks_agree(ranks, MSIM_OK, err);

@@ -20,10 +20,10 @@ static int64_t count_elements(const ms_section *s, ms_element of) {
 
 /* Numbers of particles in the slice become those in the whole scene. */
 static const void *number_ends(const ms_rank_scene *kept, const ms_field *f, int32_t *scratch) {
-  const int64_t n = count_elements(&kept->is, f->of) * (int64_t)(f->size / sizeof *scratch);
+  const int64_t n = count_elements(&kept->in_whole, f->of) * (int64_t)(f->size / sizeof *scratch);
   const int32_t *end = f->data;
   if (!kept->has_rows || !f->has_numbers) return end;
-  for (int64_t i = 0; i < n; i++) scratch[i] = ms_section_particle(&kept->is, (size_t)end[i]);
+  for (int64_t i = 0; i < n; i++) scratch[i] = ms_section_particle(&kept->in_whole, (size_t)end[i]);
   return scratch;
 }
 
@@ -48,7 +48,8 @@ void ms_rank_gather_field(ms_ranks *ranks, const ms_rank_scene *kept, int32_t ro
 msim_status ms_rank_gather_fields(ms_ranks *ranks, const ms_rank_scene *kept, int32_t root,
                                   ms_scene *to, int fits, msim_error *err) {
   const msim_allocator *alloc = &kept->slice->alloc;
-  const int64_t ends = 2 * (int64_t)kept->is.nsprings, corners = 3 * (int64_t)kept->is.nfaces;
+  const int64_t ends = 2 * (int64_t)kept->in_whole.nsprings,
+                corners = 3 * (int64_t)kept->in_whole.nfaces;
   ms_field mine[MS_MOST_FIELDS], all[MS_MOST_FIELDS];
   int32_t *scratch = NULL;
   fits = fits && MS_NEW(alloc, scratch, ends > corners ? ends : corners);

@@ -42,7 +42,7 @@ msim_status ms_rank_rest_compute(const ms_scene_part *part, ms_ranks *ranks, msi
   if (!status) status = ms_rank_fetch_create(ranks, slices, MS_PARTICLES, at.n, at.number, &f, err);
   if (!status) {
     ms_rank_fetch_rows(&f, 3 * sizeof *at.x, rows->x, at.x);
-    if (!ranks->failed) status = measure(rows, &slices->is, &at, err);
+    if (!ranks->failed) status = measure(rows, &slices->in_whole, &at, err);
     status = ms_ranks_agree(ranks, status, err);
   }
   ms_rank_fetch_destroy(&f);

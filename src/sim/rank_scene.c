@@ -42,7 +42,7 @@ void ms_rank_scene_take_order(const msim_allocator *alloc, ms_rank_scene *kept,
 ms_rank_scene *ms_rank_scene_create_from(const ms_scene_part *part) {
   ms_rank_scene *kept =
       create_kept(&part->rows->alloc, part->nranks, part->nparticles, part->nsprings, part->nfaces);
-  if (kept) kept->slice = ms_scene_retain(part->rows), kept->is = ms_section_of_part(part);
+  if (kept) kept->slice = ms_scene_retain(part->rows), kept->in_whole = ms_section_of_part(part);
   return kept;
 }
 
@@ -97,19 +97,19 @@ static ms_scene *cut_model_scene(const msim_sim *sim, ms_rank_scene *kept, ms_ed
 /* particle, spring: to be freed. place: NULL where there is no section for output */
 static int cut_rows(const msim_sim *sim, ms_rank_scene *kept, int32_t *particle, int32_t *spring,
                     int32_t *place) {
-  const ms_section *is = &kept->is;
-  const ms_scene_cut cut = {.nparticles = is->n + is->nothers,
-                            .nsprings = is->nsprings + is->nother_springs,
+  const ms_section *section = &kept->in_whole;
+  const ms_scene_cut cut = {.nparticles = section->n + section->nothers,
+                            .nsprings = section->nsprings + section->nother_springs,
                             .particle = particle,
                             .spring = spring,
-                            .first_face = is->first_face,
-                            .nfaces = is->nfaces,
+                            .first_face = section->first_face,
+                            .nfaces = section->nfaces,
                             .place = place};
   for (int32_t i = 0; i < cut.nparticles; i++) {
-    particle[i] = ms_section_particle(is, (size_t)i);
+    particle[i] = ms_section_particle(section, (size_t)i);
     if (place) place[particle[i]] = i;
   }
-  for (int32_t i = 0; i < cut.nsprings; i++) spring[i] = ms_section_spring(is, i);
+  for (int32_t i = 0; i < cut.nsprings; i++) spring[i] = ms_section_spring(section, i);
   kept->slice = ms_scene_data_cut(sim->scene, &cut, NULL);
   if (!kept->slice || !sim->scene->source || sim->ranks->rank > 0) return kept->slice != NULL;
   kept->slice->source = ms_memory_copy_string(&sim->alloc, sim->scene->source);
@@ -117,30 +117,31 @@ static int cut_rows(const msim_sim *sim, ms_rank_scene *kept, int32_t *particle,
 }
 
 /* The slice has other particles and springs, too. */
-static void set_rows(ms_rank_scene *kept, ms_scene *slice, const ms_section *is) {
-  kept->slice = slice, kept->is = *is, kept->has_rows = 1;
-  kept->rows = (ms_section){.n = is->n,
-                            .nsprings = is->nsprings,
-                            .nfaces = is->nfaces,
-                            .nothers = is->nothers,
-                            .nother_springs = is->nother_springs};
+static void set_rows(ms_rank_scene *kept, ms_scene *slice, const ms_section *section) {
+  kept->slice = slice, kept->in_whole = *section, kept->has_rows = 1;
+  kept->rows = (ms_section){.n = section->n,
+                            .nsprings = section->nsprings,
+                            .nfaces = section->nfaces,
+                            .nothers = section->nothers,
+                            .nother_springs = section->nother_springs};
 }
 
 static int cut_slice(const msim_sim *sim, ms_rank_scene *kept) {
   const msim_allocator *alloc = &sim->alloc;
   int32_t *particle = NULL, *spring = NULL, *place = NULL;
   kept->has_rows = sim->section != NULL;
-  kept->is = sim->section ? sim->section->is
-                          : ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
-  const ms_section *is = &kept->is;
-  const int fits = MS_NEW(alloc, kept->owner, is->n) &&
-                   MS_NEW(alloc, particle, is->n + is->nothers) &&
-                   MS_NEW(alloc, spring, is->nsprings + is->nother_springs) &&
+  kept->in_whole = sim->section ? sim->section->in_whole
+                                : ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
+  const ms_section *section = &kept->in_whole;
+  const int fits = MS_NEW(alloc, kept->owner, section->n) &&
+                   MS_NEW(alloc, particle, section->n + section->nothers) &&
+                   MS_NEW(alloc, spring, section->nsprings + section->nother_springs) &&
                    (!kept->has_rows || MS_NEW(alloc, place, sim->scene->nparticles)) &&
                    cut_rows(sim, kept, particle, spring, place);
   MS_FREE(alloc, particle, spring, place);
-  for (int32_t i = 0; i < is->n && fits; i++) kept->owner[i] = sim->part->owner[is->first + i];
-  if (kept->has_rows) set_rows(kept, kept->slice, is);
+  for (int32_t i = 0; i < section->n && fits; i++)
+    kept->owner[i] = sim->part->owner[section->first + i];
+  if (kept->has_rows) set_rows(kept, kept->slice, section);
   return fits;
 }
 
@@ -148,7 +149,7 @@ static int cut_slice(const msim_sim *sim, ms_rank_scene *kept) {
 void ms_rank_scene_trim(msim_sim *sim) {
   if (!sim->kept || !sim->kept->has_rows) return;
   ms_scene *s = sim->kept->slice;
-  const size_t n = 3 * (size_t)sim->kept->is.n;
+  const size_t n = 3 * (size_t)sim->kept->in_whole.n;
   double *x, *v = NULL;
   if (MS_NEW(&s->alloc, x, n) && MS_NEW(&s->alloc, v, n)) {
     memcpy(x, s->x, n * sizeof *x), memcpy(v, s->v, n * sizeof *v);
@@ -263,17 +264,18 @@ msim_status ms_rank_scene_compute(const msim_sim *sim, ms_rank_scene_function *c
 
 /*------------------------------------- other rows -----------------------------------------------*/
 
-msim_status ms_rank_scene_find_owners(const msim_sim *sim, const ms_section *is, int32_t *owner,
-                                      msim_error *err) {
+msim_status ms_rank_scene_find_owners(const msim_sim *sim, const ms_section *section,
+                                      int32_t *owner, msim_error *err) {
   const ms_rank_scene *kept = sim->kept;
-  const int32_t *of = kept ? kept->owner - is->first : sim->part->owner;
+  const int32_t *of = kept ? kept->owner - section->first : sim->part->owner;
   ms_rank_fetch f = {0};
-  for (int32_t i = 0; i < is->n; i++) owner[i] = of[is->first + i];
-  for (int32_t i = 0; i < is->nothers && !kept; i++) owner[is->n + i] = of[is->other[i]];
+  for (int32_t i = 0; i < section->n; i++) owner[i] = of[section->first + i];
+  for (int32_t i = 0; i < section->nothers && !kept; i++)
+    owner[section->n + i] = of[section->other[i]];
   if (!kept) return MSIM_OK;
-  msim_status status =
-      ms_rank_fetch_create(sim->ranks, kept, MS_PARTICLES, is->nothers, is->other, &f, err);
-  if (!status) ms_rank_fetch_rows(&f, sizeof *owner, kept->owner, owner + is->n);
+  msim_status status = ms_rank_fetch_create(sim->ranks, kept, MS_PARTICLES, section->nothers,
+                                            section->other, &f, err);
+  if (!status) ms_rank_fetch_rows(&f, sizeof *owner, kept->owner, owner + section->n);
   ms_rank_fetch_destroy(&f);
   return status ? status : ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
@@ -297,30 +299,33 @@ static msim_status fetch_others(const msim_sim *sim, ms_element of, int32_t n, i
   return status ? status : ms_ranks_agree(sim->ranks, MSIM_OK, err);
 }
 
-static void number_rows(const ms_section *is, int64_t n, int32_t *end) {
-  for (int64_t i = 0; i < n; i++) end[i] = (int32_t)ms_section_row(is, end[i]);
+static void number_rows(const ms_section *section, int64_t n, int32_t *end) {
+  for (int64_t i = 0; i < n; i++) end[i] = (int32_t)ms_section_row(section, end[i]);
 }
 
-msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *is, msim_error *err) {
+msim_status ms_rank_scene_extend(msim_sim *sim, const ms_section *section, msim_error *err) {
   ms_rank_scene *kept = sim->kept;
   if (!kept) return MSIM_OK;
-  ms_scene *slice = ms_scene_data_create_like(kept->slice, is->n + is->nothers,
-                                              is->nsprings + is->nother_springs, is->nfaces, NULL);
+  ms_scene *slice =
+      ms_scene_data_create_like(kept->slice, section->n + section->nothers,
+                                section->nsprings + section->nother_springs, section->nfaces, NULL);
   msim_status status =
       ms_ranks_agree_on_memory(sim->ranks, slice != NULL, "the rows of a frame", err);
-  if (!status) status = fetch_others(sim, MS_PARTICLES, is->n, is->nothers, is->other, slice, err);
   if (!status)
-    status = fetch_others(sim, MS_SPRINGS, is->nsprings, is->nother_springs, is->other_spring,
-                          slice, err);
+    status =
+        fetch_others(sim, MS_PARTICLES, section->n, section->nothers, section->other, slice, err);
+  if (!status)
+    status = fetch_others(sim, MS_SPRINGS, section->nsprings, section->nother_springs,
+                          section->other_spring, slice, err);
   if (status) {
     ms_scene_release(slice);
     return status;
   }
   if (slice->nfaces) memcpy(slice->faces, kept->slice->faces, 3 * (size_t)slice->nfaces * 4);
-  number_rows(is, 3 * (int64_t)slice->nfaces, slice->faces);
-  number_rows(is, 2 * (int64_t)slice->nsprings, slice->ij);
+  number_rows(section, 3 * (int64_t)slice->nfaces, slice->faces);
+  number_rows(section, 2 * (int64_t)slice->nsprings, slice->ij);
   move_source(kept->slice, slice);
   ms_scene_release(kept->slice);
-  set_rows(kept, slice, is);
+  set_rows(kept, slice, section);
   return MSIM_OK;
 }

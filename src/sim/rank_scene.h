@@ -14,22 +14,22 @@
 typedef struct ms_rank_scene {
   int32_t nparticles, nsprings, nfaces; /* of the whole scene */
   int32_t *particle, *spring;           /* of each one of sim->scene: its number there */
-  int32_t *owner;                       /* is.n: of particles of the slice, as in ms_rank_part */
-  ms_scene *slice; /* x and v of own rows only, once the section has those of the others */
-  ms_section is;   /* what the slice has, in numbers of the whole scene */
-  ms_section rows; /* the same in those of the slice, which are rows of the section */
-  int has_rows;    /* 0: the sim has no section for output: the slice has no other particles, and
-                      its springs and faces refer to numbers of the whole scene */
+  int32_t *owner;                       /* in_whole.n: of the slice, as in ms_rank_part */
+  ms_scene *slice;     /* x and v of own rows only, once the section has those of the others */
+  ms_section in_whole; /* what the slice has, in the numbers of the whole scene */
+  ms_section rows;     /* the same in the numbers of the slice, the rows of the section */
+  int has_rows; /* 0: the sim has no section for output: the slice has no other particles, and its
+                   springs and faces refer to numbers of the whole scene */
   int64_t *lengths, *send_bytes, *receive_bytes; /* nranks: scratch */
   struct ms_rank_order *order; /* of own unknowns, where no rank had the whole scene; NULL once the
                                   island is there */
 } ms_rank_scene;
 
-/* Take the order out of it. */
+/* Move the order from `kept` to *order. */
 void ms_rank_scene_take_order(const msim_allocator *alloc, ms_rank_scene *kept,
                               struct ms_rank_order *order);
 
-/* One whose slice is what a rank has read of the scene; NULL: out of memory. */
+/* An object whose slice is what a rank has read of the scene; NULL: out of memory. */
 ms_rank_scene *ms_rank_scene_create_from(const ms_scene_part *part);
 void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
 
@@ -37,11 +37,11 @@ void ms_rank_scene_destroy(const msim_allocator *alloc, ms_rank_scene *kept);
  * arrays have been hashed (sim->scene_hashes). Collective; on failure nothing changes. */
 msim_status ms_rank_scene_divide(msim_sim *sim, msim_error *err);
 
-/* Have the whole scene again. Collective; on failure nothing changes. */
+/* Gather the whole scene on each rank. Collective; on failure nothing changes. */
 msim_status ms_rank_scene_gather(msim_sim *sim, msim_error *err);
 
-/* The whole scene for a moment: rank 0 has its arrays, the others what is not divided. Collective;
- * give it back, also after an error. */
+/* Gather the whole scene temporarily: rank 0 has its arrays, the others what is not divided.
+ * Collective; to be returned, also after an error. */
 msim_status ms_rank_scene_borrow(const msim_sim *sim, ms_scene **whole, msim_error *err);
 void ms_rank_scene_return(const msim_sim *sim, ms_scene *whole);
 

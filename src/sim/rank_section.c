@@ -12,7 +12,7 @@ typedef struct requests {
   int64_t *in, *out;             /* their numbers, by rank */
 } requests;
 
-static int32_t count_rows(const ms_rank_section *s) { return s->is.n + s->is.nothers; }
+static int32_t count_rows(const ms_rank_section *s) { return s->in_whole.n + s->in_whole.nothers; }
 
 static int list_wanted(const msim_sim *sim, const int32_t *owner, ms_rank_section *s, requests *q) {
   const msim_allocator *alloc = &sim->alloc;
@@ -26,7 +26,8 @@ static int list_wanted(const msim_sim *sim, const int32_t *owner, ms_rank_sectio
       !MS_NEW(alloc, q->in_bytes, n) || !MS_NEW(alloc, q->out_bytes, n) ||
       !MS_NEW(alloc, q->in, nin))
     return 0;
-  for (int32_t k = 0; k < nin; k++) q->in[k] = ms_section_particle(&s->is, (size_t)s->in.item[k]);
+  for (int32_t k = 0; k < nin; k++)
+    q->in[k] = ms_section_particle(&s->in_whole, (size_t)s->in.item[k]);
   for (size_t r = 0; r < n; r++) {
     q->nin[r] = s->in.first[r + 1] - s->in.first[r];
     q->in_bytes[r] = sizeof *q->nin;
@@ -65,13 +66,14 @@ static msim_status agree(const msim_sim *sim, int fits, msim_error *err) {
 /* What is not in the section, and the owner of each row */
 static msim_status find_rows(msim_sim *sim, ms_rank_section *s, int32_t **owner, msim_error *err) {
   ms_rank_others others;
-  s->is =
-      sim->kept ? sim->kept->is : ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
-  msim_status status = ms_rank_others_find(sim, &s->is, &others, err);
-  s->is.other = s->other = others.particle, s->is.nothers = others.n;
-  s->is.other_spring = s->other_spring = others.spring, s->is.nother_springs = others.nsprings;
+  s->in_whole = sim->kept ? sim->kept->in_whole
+                          : ms_section_of_rank(sim->scene, sim->ranks->rank, sim->ranks->n);
+  msim_status status = ms_rank_others_find(sim, &s->in_whole, &others, err);
+  s->in_whole.other = s->other = others.particle, s->in_whole.nothers = others.n;
+  s->in_whole.other_spring = s->other_spring = others.spring,
+  s->in_whole.nother_springs = others.nsprings;
   if (!status) status = agree(sim, MS_NEW(&sim->alloc, *owner, count_rows(s)) != NULL, err);
-  return status ? status : ms_rank_scene_find_owners(sim, &s->is, *owner, err);
+  return status ? status : ms_rank_scene_find_owners(sim, &s->in_whole, *owner, err);
 }
 
 static msim_status connect(msim_sim *sim, ms_rank_section *s, requests *q, msim_error *err) {
@@ -94,7 +96,7 @@ msim_status ms_rank_section_create(msim_sim *sim, msim_error *err) {
   if (sim->section) return MSIM_OK;
   msim_status status = connect(sim, MS_NEW(&sim->alloc, sim->section, 1), &q, err);
   MS_FREE(&sim->alloc, q.nin, q.nout, q.in_bytes, q.out_bytes, q.in, q.out);
-  if (!status) status = ms_rank_scene_extend(sim, &sim->section->is, err);
+  if (!status) status = ms_rank_scene_extend(sim, &sim->section->in_whole, err);
   if (status) ms_rank_section_destroy(sim);
   else ms_rank_section_copy(sim, ms_rank_section_scene(sim)->x, ms_rank_section_scene(sim)->v);
   ms_rank_scene_trim(sim);

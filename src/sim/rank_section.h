@@ -10,9 +10,9 @@
 #include "sim/rank_scene.h"
 
 typedef struct ms_rank_section {
-  ms_section is;
-  double *x, *v; /* of its rows, as last updated; where nothing moves as in the scene */
-  int32_t *other, *other_spring; /* of `is` */
+  ms_section in_whole; /* in the numbers of the whole scene */
+  double *x, *v;       /* of its rows, as last updated; where nothing moves as in the scene */
+  int32_t *other, *other_spring; /* of `in_whole` */
   ms_buckets in;                 /* the rows that each rank sends */
   int32_t nout;
   int32_t *out; /* nout: the unknowns that each rank gets, one rank after the other */
@@ -31,7 +31,7 @@ static inline const ms_scene *ms_rank_section_scene(const msim_sim *sim) {
   return sim->kept ? sim->kept->slice : sim->scene;
 }
 static inline ms_section ms_rank_section_numbers(const msim_sim *sim) {
-  return sim->kept ? sim->kept->rows : sim->section->is;
+  return sim->kept ? sim->kept->rows : sim->section->in_whole;
 }
 
 /* Set its x and v from arrays of all particles of that scene, or those of free ones from vectors of

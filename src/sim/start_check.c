@@ -11,7 +11,7 @@ static const double ROUNDING = 1e-9; /* relative, of coordinates in scene files 
 /* The obstacle that x is deepest in: a plane, or a collider, outside or inside of which it is */
 typedef enum relation { BEHIND_PLANE, OUTSIDE, INSIDE } relation;
 typedef struct obstacle {
-  relation is;
+  relation relation;
   int32_t index;
   double depth; /* m; 0: none */
 } obstacle;
@@ -58,7 +58,7 @@ static finding check_slices(const msim_sim *sim) {
   finding all = {.particle = -1};
   for (int32_t r = 0; r < sim->ranks->n; r++) {
     finding f = own;
-    f.particle += sim->kept->is.first;
+    f.particle += sim->kept->in_whole.first;
     ms_ranks_broadcast(sim->ranks, r, sizeof f, &f);
     if (all.count == 0) all.first = f.first, all.particle = f.particle;
     all.count += f.count;
@@ -72,10 +72,11 @@ void ms_start_check_warn(const msim_sim *sim) {
   const finding f = sim->kept ? check_slices(sim) : check_scene(sim->scene);
   char others[48] = "";
   if (f.count == 0 || (sim->ranks && sim->ranks->failed)) return;
-  const char *name = f.first.is == BEHIND_PLANE ? "planes" : "colliders";
+  const char *name = f.first.relation == BEHIND_PLANE ? "planes" : "colliders";
   if (f.count > 1) snprintf(others, sizeof others, " (%d such particles in all)", f.count);
   ms_sim_warn(sim,
               "particle %d starts %.3g m %s %s[%d], which will move it at the first step%s; change "
               "its position or the %s",
-              f.particle, f.first.depth, relations[f.first.is], name, f.first.index, others, name);
+              f.particle, f.first.depth, relations[f.first.relation], name, f.first.index, others,
+              name);
 }
