@@ -79,7 +79,7 @@ clang_bits() {
   tests clang -R "$with_lanes"
 }
 
-# Tells the lines that no test reaches. Its tests take twice as long, and where they fill disks its
+# Lists the lines that no test reaches. Its tests take twice as long, and where they fill disks its
 # own counts are not written either; two of them see what gcov adds. Of the kernels two copies count,
 # those for any CPU and for AVX2: few machines can run that for AVX-512.
 coverage() {

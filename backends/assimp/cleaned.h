@@ -1,7 +1,7 @@
 /* cleaned - text that libassimp refuses or misreads, in memory as it takes it
  *
- * libassimp knows the words of STL in small letters only, at the very start of the file, and takes
- * a byte order mark for a part of the first word: of OBJ files the first vertex is lost. */
+ * libassimp accepts the keywords of STL in lower case only, at the very start of the file, and
+ * takes a byte order mark for a part of the first word: of OBJ files the first vertex is lost. */
 #ifndef MSIM_ASSIMP_CLEANED_H
 #define MSIM_ASSIMP_CLEANED_H
 

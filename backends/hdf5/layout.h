@@ -14,7 +14,7 @@
  * have where particles were pinned when they were created.
  *
  * Several processes may write rows of Points, Velocity, Strain and Tension: as space is allocated
- * and metadata do not change, they need not know of each other. One of them has created or resumed
+ * and metadata do not change, they need not communicate. One of them has created or resumed
  * the file, writes all else, and commits a frame when the others have written their rows.
  *
  * /msim/frames/NCommitted is the number of committed frames. It is written after each commit, and

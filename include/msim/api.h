@@ -21,8 +21,8 @@ extern "C" {
 /* Reason of a failure: a sentence that names the offending input or element. Empty: success.
  *
  * Its 1024 bytes are fixed: it lies in the caller's memory and need not be initialized, so that it
- * cannot tell its size. Sentences have at most 987 bytes, and the library sets the last 32 bytes of
- * `text` to 0: they are reserved for further members, where 0 will mean "unknown". */
+ * has no member for its size. Sentences have at most 987 bytes, and the library sets the last 32
+ * bytes of `text` to 0: they are reserved for further members, where 0 will mean "unknown". */
 typedef struct msim_error {
   msim_status status;
   char text[1020];

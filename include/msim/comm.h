@@ -31,10 +31,10 @@
  *
  * Failure: a function returns MSIM_OK, or an error (< 0): MSIM_ERR_BACKEND, or MSIM_ERR_MEMORY. The
  * results are undefined then, reason() has a sentence, and the communicator has failed for good:
- * pending and later calls on all ranks return an error as soon as they can know, and none waits for
- * a rank that has failed. (An implementation that cannot do so must end all processes, as MPI does
- * by default.) The host makes no further calls after a failure on its rank; the sim reports it and
- * can only be destroyed.
+ * pending and later calls on all ranks return an error as soon as they detect it, and none waits
+ * for a rank that has failed. (An implementation that cannot do so must end all processes, as MPI
+ * does by default.) The host makes no further calls after a failure on its rank; the sim reports it
+ * and can only be destroyed.
  *
  * Rules of change: as in backend.h. New members are appended, and `size` says which exist; any
  * other change requires a new MSIM_COMM_ABI. The ABI is not frozen before version 1.0.
@@ -63,7 +63,7 @@ typedef struct msim_comm_message {
 /* Also declared by options.h. */
 typedef struct msim_comm msim_comm;
 
-/* The communicator as one rank sees it. It must outlive the sims that use it; sims use it one after
+/* The communicator of one rank. It must outlive the sims that use it; sims use it one after
  * the other, or in the same order of calls on all ranks. */
 struct msim_comm {
   uint32_t abi;     /* MSIM_COMM_ABI */
@@ -83,7 +83,7 @@ struct msim_comm {
   /* all = what the ranks pass as `mine`, `bytes` each, in the order of ranks. */
   msim_status (*gather)(void *self, int64_t bytes, const void *mine, void *all /* nranks bytes */);
 
-  /* The same where ranks pass different lengths, which all ranks know: bytes[r] from rank r. */
+  /* The same where ranks pass different lengths, known on all ranks: bytes[r] from rank r. */
   msim_status (*gather_parts)(void *self, const int64_t *bytes /* nranks */, const void *mine,
                               void *all /* the sum of bytes */);
 

@@ -78,7 +78,7 @@ typedef struct plugin_comm {
   msim_allocator alloc;
 } plugin_comm;
 
-/* The table as far as this version knows it */
+/* The members of the table that this version has */
 static void copy_table(plugin_comm *p) {
   memcpy(&p->comm, p->own, p->own->size < sizeof p->comm ? p->own->size : sizeof p->comm);
   p->comm.size = (uint32_t)(p->own->size < sizeof p->comm ? p->own->size : sizeof p->comm);

@@ -38,7 +38,7 @@ typedef struct thread_rank {
   msim_comm comm; /* first: a pointer to it is one to the rank */
   struct thread_group *group;
   thread_call call;
-  int polls; /* times that it looks for the end of a call before it sleeps */
+  int polls; /* for the end of a call, before it sleeps */
 } thread_rank;
 
 typedef struct thread_group {

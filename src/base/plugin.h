@@ -15,7 +15,7 @@ msim_status ms_plugin_open(const char *kind, const char *name, const char *plugi
 /* Services for a plugin: memory of the scene's allocator, and a buffer for its last message. */
 typedef struct ms_plugin_host {
   msim_host base;
-  msim_allocator alloc; /* a copy: a plugin may live longer than the scene that it was opened for */
+  msim_allocator alloc; /* a copy: a plugin may outlast the scene that it was opened for */
   char text[768];
 } ms_plugin_host;
 

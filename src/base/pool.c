@@ -181,7 +181,7 @@ int32_t ms_pool_run_chunks(ms_pool *pool, ms_pool_chunk *work, void *data, int32
   return ms_pool_count_chunks(n, size);
 }
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 /* Workers block all signals: these are for the threads of the host program. */
 static void start_workers(ms_pool *pool, int32_t threads) {

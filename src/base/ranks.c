@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* What each rank tells the others */
+/* What each rank sends to the others */
 typedef struct ms_rank_report {
   msim_status status;
   ms_agreement bits;

@@ -24,7 +24,7 @@ msim_status ms_sized_check(const void *from, size_t known, size_t least, const c
   for (size_t i = known; i < size; i++)
     if (bytes[i])
       return ms_error_set(err, MSIM_ERR_SIZE,
-                          "%s has members beyond the %zu bytes that msim %s knows, and they are "
+                          "%s has members beyond the %zu bytes that msim %s has, and they are "
                           "not 0: the program was built with a newer msim",
                           what, known, msim_version());
   return MSIM_OK;

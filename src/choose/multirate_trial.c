@@ -7,7 +7,7 @@
 #include "methods/methods.h"
 
 /* respa costs more than its evaluations, and may resonate: it has to save three quarters, and to be
- * four times as accurate as foreseen, as resonances grow. */
+ * four times as accurate as predicted, as resonances grow. */
 static const double WORTH = 0.25, CARE = 4;
 
 static double trial_time(const ms_pilot_run *p) { return p->span / 8; }
@@ -36,7 +36,7 @@ static msim_status find_cheapest_step(const ms_pilot_run *p, int64_t *n, double 
   return status;
 }
 
-/* Halve steps until their error is tol, as foreseen by order 2. */
+/* Halve steps until their error is tol, as predicted by order 2. */
 msim_status ms_multirate_trial_make(ms_pilot_run *p, double least, ms_candidate *c,
                                     msim_error *err) {
   double cost;

@@ -338,7 +338,7 @@ static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error
   return MSIM_OK;
 }
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 static int is_damped(const ms_scene *scene) {
   for (int32_t e = 0; e < scene->nsprings; e++)

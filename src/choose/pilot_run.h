@@ -9,7 +9,7 @@
  * the error of h by Richardson extrapolation; it is assumed to grow linearly over the run. A start
  * at rest is not typical: the growth of errors in the second half of the pilot run is assumed to
  * occur once more, and twice unless damping is strong. Verification detects larger growth. After a
- * sixteenth of the run, errors of a hanging cloth would be foreseen 30 times too small. */
+ * sixteenth of the run, errors of a hanging cloth would be predicted 30 times too small. */
 #ifndef MS_PILOT_RUN_H
 #define MS_PILOT_RUN_H
 

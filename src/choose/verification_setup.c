@@ -33,7 +33,7 @@ int ms_verification_setup_is_for_events(const ms_pilot_run *p, const ms_candidat
 
 /* Set the difference from half steps that verified steps may have (step_verification.h): 50 e
  * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
- * and no plane is near. e: that of a step at the choice; E: the error foreseen without the growth
+ * and no plane is near. e: that of a step at the choice; E: the error predicted without the growth
  * to come. A measured step may contain an event, whose error and indicators are not typical: so
  * several are measured, but only one of many particles, where all steps are alike. */
 msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c,

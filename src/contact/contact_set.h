@@ -147,11 +147,11 @@ void ms_contact_set_make_writable(ms_stepper *s);
  * particles that move into planes bounce. Collective */
 void ms_contact_set_update(ms_stepper *s);
 
-/* Computes a, if the caller or another rank needs it and not all know it; returns 1 if it is
+/* Computes a, if the caller or another rank needs it and not all have it; returns 1 if it is
  * needed. Collective */
 int ms_contact_set_require_acceleration(ms_stepper *s, int is_needed);
 
-/* Lets all ranks know whether others have contacts. Collective */
+/* Determines on each rank whether others have contacts. Collective */
 void ms_contact_set_share(ms_stepper *s);
 
 /* Sets e->constraint, the constraints of the matrix, for a stage of coefficient ah (newton.h). */

@@ -427,7 +427,7 @@ static int64_t count_planes(const ms_contact_set *e) {
   return n;
 }
 
-/* 1: implicit Euler would make its own step in vain, and once more with other contacts: particles
+/* 1: implicit Euler would drop its own step, and make it once more with other contacts: particles
  * are predicted to meet more planes than the n that they touch, or slide to a stop. */
 static int expects_change(const contact_solve *j, int64_t n) {
   const int changes = count_planes(j->e) > n || ms_contact_change_any_stops(j->s);

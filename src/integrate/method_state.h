@@ -3,7 +3,7 @@
  *   x, v, h
  *   tag        the cached-stage tag, and the work vectors it refers to (integrator.h, `carried`)
  *   h_before   for two-step methods, and for the a that Newmark's method carries
- *   held, a    of ms_contact_set, under collision = event; the contact set follows from x, v
+ *   a          of ms_contact_set, and its hash, with collision = event; the set follows from x, v
  *   the last step, for dense output: its start, h and the slopes known so far
  *
  * All other vectors are written before they are read. */

@@ -18,9 +18,9 @@ static int32_t find_particle(const ms_scene *s, const ms_rank_part *part, int64_
   return s->nparticles && part->number[p] == number ? p : -1;
 }
 
-/* What ranks want of each other: 64-bit numbers of particles */
+/* What ranks request from each other: 64-bit numbers of particles */
 typedef struct requests {
-  int64_t *nin, *nout;           /* nranks: particles wanted from each rank, and by it */
+  int64_t *nin, *nout;           /* nranks: particles requested from each rank, and by it */
   int64_t *in_bytes, *out_bytes; /* nranks: scratch */
   int64_t *in, *out;             /* their numbers, by rank */
   int32_t *row;                  /* nparticles: the row of each, -1: not here */

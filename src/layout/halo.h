@@ -17,8 +17,8 @@ typedef struct ms_halo {
   int64_t bytes;                 /* sent so far */
 } ms_halo;
 
-/* Find out who needs which rows, for the rows of ms_rank_part_create_island; collective. After an
- * error it may be there, and must be destroyed. */
+/* Determine which rank needs which rows, for the rows of ms_rank_part_create_island; collective.
+ * After an error it may be there, and must be destroyed. */
 msim_status ms_halo_create(const ms_scene *scene, const ms_unknowns *rows, const ms_rank_part *part,
                            ms_halo **halo, msim_error *err);
 void ms_halo_destroy(const ms_scene *scene, ms_halo *halo);

@@ -169,7 +169,7 @@ static msim_status adapter_analyze(adapter *self, msim_error *err) {
   return convert_backend_status(self, status, err);
 }
 
-/* Owners know the numbers of ghosts, which are exact as doubles. */
+/* The numbers of ghosts are those of their owners, exact as doubles. */
 static msim_status number_ghosts(adapter *self, msim_error *err) {
   const ms_model *model = self->base.system->model;
   const ms_unknowns *rows = &model->unknowns;

@@ -16,9 +16,9 @@ typedef struct ms_block_cholesky {
   int32_t *position; /* n: position of each block row in the elimination order */
   int32_t *first;    /* n + 1: the first block of each column, by position */
   int32_t *row;      /* first[n]: block rows, by position, ascending; the diagonal block is first */
-  double *value;  /* block^2 first[n], the caller's, who sets it: A, then L; each block by columns.
+  double *value; /* block^2 first[n], owned and set by the caller: A, then L; each block by columns.
                         Solves do not use it. */
-  float *factor;  /* L rounded, with inverted diagonal blocks; the same layout */
+  float *factor; /* L rounded, with inverted diagonal blocks; the same layout */
   double *packed; /* block n: a vector in the elimination order */
   const struct ms_block_kernels *kernels;
 } ms_block_cholesky;

@@ -1,7 +1,7 @@
 /* coarse_overlap - what the coarse space of a rank shares with the modes of ranks (rank_modes.h)
  *
  * The affine motions of a patch belong to both, and both would correct them: that adds up to 1 to
- * the largest eigenvalue of B A. The coarse correction, which knows of no other rank, leaves
+ * the largest eigenvalue of B A. The coarse correction, which involves no other rank, leaves
  * them to those modes:
  *     z = A^-1 r - R (R^T A R)^-1 R^T r,
  * where A is the coarse matrix of the rank, and R has these motions in terms of the coarse modes:

@@ -13,7 +13,7 @@
 
 typedef struct ms_compression {
   const ms_model *model;
-  float *reduction; /* 8 halves.nslots: the fraction by which t < 0 is reduced, in [0, 1] */
+  float *reduction; /* 8 half_edges.nentries: the fraction by which t < 0 is reduced, in [0, 1] */
   double *largest;  /* per chunk of slice ranges: the largest contribution to -p.A p */
 } ms_compression;
 

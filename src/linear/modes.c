@@ -80,7 +80,7 @@ static void orthonormalise(int32_t n, double (*v)[MS_MODES], int first) {
 }
 
 /* A coordinate is not independent where only a LITTLE part of it is none of the others', as in a
- * tilted cloth, flat but for noise. */
+ * tilted cloth that is nearly flat. */
 int ms_modes_orthonormalise_coordinates(int32_t n, double (*v)[MS_MODES]) {
   const double LITTLE = 0.1;
   double largest = 0;

@@ -31,7 +31,7 @@
 
 typedef struct ms_pcg {
   ms_linear base;
-  float *coefficients;        /* 32 halves.nslots: t, wx, wy, wz of 8 half-edges, by entry */
+  float *coefficients;        /* 32 half_edges.nentries: t, wx, wy, wz of 8 half-edges, by entry */
   ms_compression compression; /* of descend(); model NULL: not prepared */
   ms_jacobi jacobi;
   float *inverse;     /* jacobi.inverse, rounded; in blocks even where that is scalar */

@@ -46,7 +46,7 @@ static inline int32_t ms_rank_modes_count(const ms_rank_modes *q) {
   return q->first[q->model->shape.ranks->rank + 1] - ms_rank_modes_first(q);
 }
 
-/* Collective, with the same status on all ranks: each knows its own unknowns and ghosts. vec: room
+/* Collective, with the same status on all ranks: each sets its own unknowns and ghosts. vec: room
  * for a vector of 4 components. After an error it may be there, and must be destroyed. */
 msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model, double *vec,
                                  ms_rank_modes **modes, msim_error *err);

@@ -1,7 +1,7 @@
 /* angle_springs - the angular springs of an island (model->angles): what they add to forces,
  * energies and matrix
  *
- * The loops over half-edges know nothing of them. Each one is evaluated to places of its own, one a
+ * The loops over half-edges do not contain them. Each one is evaluated to places of its own, one a
  * corner; then each unknown adds those of its corners, in fixed order (angle_kernels.h). So bits do
  * not depend on the number of threads, nor on the instruction set, and scenes without angular
  * springs cost no instruction more. */

@@ -20,7 +20,7 @@ typedef struct ms_law {
 } ms_law;
 
 /* Springs break in sims whose scene has a law with a threshold. Solvers are chosen when islands are
- * built: for springs that have broken before. MS_BREAKING: marked by one rank, until all know. */
+ * built: for springs that have broken before. MS_BREAKING: marked by one rank, not yet by all. */
 enum { MS_INTACT, MS_BROKEN, MS_BROKEN_BEFORE, MS_BREAKING };
 
 static inline int ms_law_breaks(const ms_law *law) {

@@ -12,7 +12,7 @@
  * before would read wrong ones. */
 static_assert(sizeof(msim_plane) == 48, "msim_plane is fixed (scene.h)");
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 msim_status msim_scene_create(const msim_allocator *alloc, msim_scene **scene, msim_error *err) {
   if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");

@@ -6,7 +6,7 @@
 #include "scene/collider_storage.h"
 #include "scene/laws.h"
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 static void free_run(ms_scene *s) {
   for (int32_t i = 0; i < s->nrun; i++) {

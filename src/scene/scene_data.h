@@ -1,4 +1,4 @@
-/* scene_data - life of the data of a scene, and copies of all or some of it */
+/* scene_data - creates and destroys the data of a scene, and copies all or some of it */
 #ifndef MS_SCENE_DATA_H
 #define MS_SCENE_DATA_H
 

@@ -22,7 +22,7 @@ static void count_wanted(const ms_rank_fetch *f, ms_element of, int32_t n, const
   }
 }
 
-/* send: to the ranks that have rows, receive: from those that want some, or the other way round */
+/* send: to the ranks that have rows, receive: from those that request them, or vice versa */
 static void set_bytes(const ms_rank_fetch *f, const int64_t *nsend, const int64_t *nreceive,
                       size_t size) {
   for (int32_t r = 0; r < f->ranks->n; r++) {

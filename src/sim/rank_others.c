@@ -61,8 +61,8 @@ static void add_spring(search *s, int32_t e) {
   if (s->fits) o->spring[o->nsprings++] = e;
 }
 
-/* Springs from number `first` on pass by. */
-static void look_at_springs(search *s, int32_t first, int32_t n, const int32_t *ij) {
+/* Check springs from number `first` on. */
+static void check_springs(search *s, int32_t first, int32_t n, const int32_t *ij) {
   for (int32_t k = 0; k < n; k++) {
     const int32_t *end = ij + 2 * (size_t)k, at = first + k - s->section->first_spring;
     const uint8_t a = s->mark[end[0]], b = s->mark[end[1]];
@@ -86,7 +86,7 @@ static void pass_springs(search *s, int32_t *piece) {
       const size_t bytes = 2 * (size_t)n * sizeof *piece;
       if (r == ranks->rank) memcpy(piece, kept->slice->ij + 2 * (size_t)begin, bytes);
       ms_ranks_broadcast(ranks, r, (int64_t)bytes, piece);
-      if (!ranks->failed) look_at_springs(s, of.first_spring + begin, n, piece);
+      if (!ranks->failed) check_springs(s, of.first_spring + begin, n, piece);
     }
   }
 }
@@ -127,7 +127,7 @@ msim_status ms_rank_others_find(const msim_sim *sim, const ms_section *section,
     mark_pins(&s);
     mark_corners(&s);
     if (sim->kept) pass_springs(&s, piece);
-    else look_at_springs(&s, 0, sim->scene->nsprings, sim->scene->ij);
+    else check_springs(&s, 0, sim->scene->nsprings, sim->scene->ij);
     mark_angles(&s);
     status = agree(&s, list_found(&s, n), err);
   }

@@ -8,7 +8,7 @@
 #include "sim/rank_section.h"
 #include "sim/reuse.h"
 
-/*------------------------------------- life -----------------------------------------------------*/
+/*------------------------------------- creation and destruction ---------------------------------*/
 
 /* Without arrays */
 static ms_rank_scene *create_kept(const msim_allocator *alloc, int32_t nranks, int32_t nparticles,

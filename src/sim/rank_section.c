@@ -5,9 +5,9 @@
 
 /*------------------------------------- creation -------------------------------------------------*/
 
-/* What ranks want of each other: 64-bit numbers of particles */
+/* What ranks request from each other: 64-bit numbers of particles */
 typedef struct requests {
-  int64_t *nin, *nout;           /* nranks: particles wanted from each rank, and by it */
+  int64_t *nin, *nout;           /* nranks: particles requested from each rank, and by it */
   int64_t *in_bytes, *out_bytes; /* nranks: scratch */
   int64_t *in, *out;             /* their numbers, by rank */
 } requests;

@@ -21,8 +21,8 @@ msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err);
 /* Refuse a function of the API in a sim of several ranks. */
 msim_status ms_rank_sim_refuse(const msim_sim *sim, const char *function, msim_error *err);
 
-/* After a step: all ranks return the first status of any that is not MSIM_OK, know whether one of
- * them was asked to stop, and rest only if all do. */
+/* After a step: all ranks return the first status of any that is not MSIM_OK, agree on whether one
+ * of them was asked to stop, and rest only if all do. */
 msim_status ms_rank_sim_agree_on_step(msim_sim *sim, msim_status status, msim_error *err);
 
 /* In one process: the request to stop, which is cleared; else what all ranks have agreed on. */

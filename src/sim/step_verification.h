@@ -15,12 +15,12 @@
  * done for each step in which particles stop, slip or turn on individual paths that may be too
  * inaccurate, or at least one in 64 bounces (in large scenes a few always do); such steps may
  * differ from their halves by tol/16. Impacts of many particles on the paths of velocity Verlet
- * have errors of its order 2, as its trial foresees: nothing is verified. Reflection at the ends of
+ * have errors of its order 2, as its trial predicts: nothing is verified. Reflection at the ends of
  * steps is of order 1: half steps do not show its error.
  *
  * The allowed difference of whole and half steps leads to tol at the end of the run if all steps
- * have it: the difference at the choice, times tol over the error foreseen there; as errors cancel
- * and are foreseen pessimistically, 50 times that, but tol/4 at most, as errors of events do not
+ * have it: the difference at the choice, times tol over the error predicted there; as errors cancel
+ * and are predicted pessimistically, 50 times that, but tol/4 at most, as errors of events do not
  * cancel. Where it is larger, the next step is verified, too. The half steps replace the step if
  * they are accurate enough: without an event their error is 1/(2^p - 1) of the difference, p the
  * order, which may be larger by that, up to tol/4. Otherwise error control makes this step and the

@@ -23,9 +23,9 @@ typedef struct static_solve {
   const ms_unknowns *rows;
   double h;
   int is_limited;     /* h is shorter than wanted, for the trust region */
-  int needs_slope;    /* the line search has to look at forces, too */
-  double slope;       /* J: what the forces would do along d */
-  double noise;       /* J: reactions times rounding errors of positions */
+  int needs_slope;    /* the line search evaluates forces, too */
+  double slope;       /* J: the work of the forces along d, to first order */
+  double rounding;    /* J: reactions times rounding errors of positions */
   double alpha, gain; /* of the line search; gain: the reduction of U over alpha slope */
 } static_solve;
 
@@ -83,7 +83,7 @@ static void constrain(static_solve *c, const ms_contact *on) {
   if (on->sticks) memset(b, 0, sizeof b);
   else ms_impacts_remove_normal(&on->on, b, NULL);
   ms_vec3_axpy(-1, b, held);
-  c->noise += ms_impacts_distance_tolerance(&planes, x) * ms_vec3_norm(held) / c->h;
+  c->rounding += ms_impacts_distance_tolerance(&planes, x) * ms_vec3_norm(held) / c->h;
   for (int i = 0; i < on->on.n; i++) to[i] = -ms_impacts_distance(on->on.plane[i], x) / c->h;
   ms_impacts_set_normal_components(&on->on, to, v, J);
   ms_unknowns_set(c->rows, b, on->row, s->work[RIGHT_SIDE]);
@@ -97,7 +97,7 @@ static void form_right_side(static_solve *c) {
   ms_vector_copy(shape, s->work[FORCE], b);
   ms_vector_scale(shape, c->h, b);
   ms_vector_clear_all(shape, s->work[PRESCRIBED]);
-  c->noise = 0;
+  c->rounding = 0;
   for (int32_t i = 0; i < count_contacts(c); i++) constrain(c, &c->e->contact[i]);
   /* the solver's base moves with the particles, whose inertia is to act on the whole way */
   ms_vector_scale_rows(shape, s->model->mass, s->work[PRESCRIBED], s->work[DIRECTION]);
@@ -311,13 +311,13 @@ static int try_alpha(static_solve *c, double *better) {
   const double change = ms_nonlinearity_compute(s->model, s->x, 1, s->v_next, 1, s->scratch) -
                         ms_vector_dot(s->model->shape, s->work[FORCE], s->v_next);
   c->gain = -change / (c->alpha * c->slope);
-  if (change > c->noise - 1e-4 * c->alpha * c->slope) {
+  if (change > c->rounding - 1e-4 * c->alpha * c->slope) {
     *better = c->alpha / (2 * (1 - c->gain));
     return 0;
   }
   const double next = c->needs_slope ? find_next_slope(c) : 0;
   *better = c->alpha * c->slope / (c->slope - next);
-  return next >= -0.5 * c->slope - c->noise;
+  return next >= -0.5 * c->slope - c->rounding;
 }
 
 static msim_status search_line(static_solve *c, msim_error *err) {
@@ -325,7 +325,7 @@ static msim_status search_line(static_solve *c, msim_error *err) {
   const ms_stepper *s = c->s;
   c->slope = c->h * ms_vector_dot(s->model->shape, s->work[FORCE], s->work[DIRECTION]);
   c->alpha = 1;
-  for (int i = 0; i < MOST && c->slope > -c->noise; i++) {
+  for (int i = 0; i < MOST && c->slope > -c->rounding; i++) {
     double better;
     if (try_alpha(c, &better)) return MSIM_OK;
     c->alpha *= fmin(fmax(better / c->alpha, 0.1), 0.5);

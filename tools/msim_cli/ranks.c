@@ -12,7 +12,7 @@
 #include "../common/mpirun.h"
 #include "msim/comm.h"
 
-/* What each rank tells the others */
+/* What each rank sends to the others */
 typedef struct rank_report {
   int32_t status, has_message;
   uint64_t inputs; /* hash of the command line and of the files that are read */
