@@ -96,6 +96,13 @@ static const char *find_remedy_of_token(const char *text, const char *error, con
   return NULL;
 }
 
+/* Of numbers that JSON permits, and that are out of range here; NULL: the error is another one. */
+static const char *find_remedy_of_range(const char *error) {
+  if (strncmp(error, "real number overflow", 20) == 0) return "numbers must be finite";
+  return strncmp(error, "too big", 7) == 0 ? "write so large a number with an exponent, like 1e20"
+                                           : NULL;
+}
+
 /* What is wrong with the whole file; NULL: nothing is known. */
 static const char *find_remedy_of_file(const char *text, size_t length, const char *error) {
   if (length >= 3 && memcmp(text, "\xEF\xBB\xBF", 3) == 0)
@@ -108,7 +115,8 @@ static const char *find_remedy_of_file(const char *text, size_t length, const ch
 /* A hint for an error at the token last[0]; "" if there is none */
 static void find_remedy(const char *text, size_t length, const json_error_t *error,
                         const token last[3], size_t size, char *hint) {
-  const char *remedy = find_remedy_of_file(text, length, error->text);
+  const char *remedy = find_remedy_of_range(error->text);
+  if (!remedy) remedy = find_remedy_of_file(text, length, error->text);
   snprintf(hint, size, "%s%s", remedy ? "; " : "", remedy ? remedy : "");
   if (remedy || last[0].to == last[0].from || last[1].to == 0) return;
   const char found = text[last[0].from];

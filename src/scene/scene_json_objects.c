@@ -125,6 +125,7 @@ typedef struct named_particles {
 
 static const named_particles names[] = {
     {"corners", 2, 0}, {"first_row", 1, 1}, {"first_corners", 1, 0}};
+#define LIST_OF_NAMES "\"corners\", \"first_row\" or \"first_corners\""
 
 const char *ms_json_objects_particle_name(int32_t i) {
   return i < (int32_t)(sizeof names / sizeof *names) ? names[i].name : NULL;
@@ -153,8 +154,7 @@ static msim_status mark_item(const ms_json_reader *r, ms_json_location at, ms_va
     return MSIM_OK;
   }
   if (ms_value_text(value) && type->pinned->form == MS_NAMED_INDICES)
-    return ms_json_refuse(r, at, value,
-                          "an index, \"corners\", \"first_row\" or \"first_corners\"");
+    return ms_json_refuse(r, at, value, "an index, " LIST_OF_NAMES);
   int32_t p;
   msim_status status = ms_json_read_index(r, at, value, shape->nparticles, &p);
   if (!status) is_pinned[p] = 1;
@@ -171,7 +171,10 @@ static msim_status read_pinned_of_object(const ms_json_reader *r, const char *pa
   if (find_name(type, value))
     status = mark_item(r, ms_json_at(path), value, type, shape, is_pinned);
   else if (!ms_value_is_array(value))
-    return ms_json_refuse(r, ms_json_at(path), value, "an array of indices of particles");
+    return ms_json_refuse(r, ms_json_at(path), value,
+                          type->pinned->form == MS_NAMED_INDICES
+                              ? "an array of indices of particles, " LIST_OF_NAMES
+                              : "an array of indices of particles");
   else status = ms_json_read_array_size(r, path, value, &n);
   for (size_t i = 0; i < ms_value_size(value) && !status; i++)
     status =
