@@ -122,6 +122,14 @@ class Readme(unittest.TestCase):
                          if sentence.strip())
         self.assertLessEqual(lengths[int(0.9 * len(lengths))], 25)
 
+    def test_numbers_are_those_of_what_they_count(self):
+        text = (support.SOURCE / "README.md").read_text()
+        methods = (support.SOURCE / "src/methods/methods.h").read_text()
+        gallery = (support.SOURCE / "docs/gallery.md").read_text()
+        for words, number in ((r"(\d+) integrators", methods.count("  X(ms_")),
+                              (r"(\d+) scenes with their pictures", gallery.count("| !["))):
+            self.assertEqual(re.search(words, text).group(1), str(number))
+
 
 if __name__ == "__main__":
     support.main()
