@@ -47,8 +47,8 @@ typedef enum msim_collider_type {
  * not be, and n = grad s, the particle is reflected as at a plane that touches the surface at the
  * point nearest to the particle. Where colliders and planes leave no room within reach, the
  * particle stays where it was before the step, at rest. With collision = event impacts are located,
- * and the particle rests on the surface or slides along it, n.a = -v.(dn/dx) v, while the surface
- * pushes; height fields, grids and colliders that move are not available then. Members that a type
+ * and the particle rests on the surface or slides along it while the surface pushes, on a solid at
+ * rest with n.a = -v.(dn/dx) v. Integrator `auto` refuses colliders that move. Members that a type
  * does not have are ignored. */
 typedef struct msim_collider {
   size_t size;
