@@ -227,10 +227,15 @@ class Report(CliTest):
         self.assertLessEqual(max(map(len, out[out.index("\n  steps\n"):].splitlines())), 80)
 
     def test_contacts(self):
-        self.scene({"msim": 1, "gravity": [0, 0, -9.81], "planes": [{"normal": [0, 0, 1],
-                    "offset": 0}], "particles": {"x": [[0, 0, 0.1]], "mass": 1}})
+        scene = {"msim": 1, "gravity": [0, 0, -9.81], "planes": [{"normal": [0, 0, 1], "offset": 0}],
+                 "particles": {"x": [[0, 0, 0.1]], "mass": 1}}
+        self.scene(scene)
         out = self.good("run", "scene.json", "--integrator", "rk4", "--t_end", "1")
-        self.assertRegex(out, r"contacts +[1-9]")
+        self.assertRegex(out, r"(?m)contacts +[1-9]\d* impacts or reflections of particles$")
+        rope = {"type": "rope", "n": 3, "from": [0, 0, 0.2], "to": [1, 0, 0.2], "mass": 1, "k": 10}
+        self.scene({**scene, "self_contact": {"thickness": 0.01}, "objects": [rope]})
+        out = self.good("run", "scene.json", "--integrator", "rk4", "--t_end", "1")
+        self.assertRegex(out, r"(?m)contacts +[1-9]\d* .* of particles, and pairs pushed apart$")
 
     def test_notes(self):
         self.scene()

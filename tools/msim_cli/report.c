@@ -57,8 +57,8 @@ static void print_energies(const msim_energy *start, const msim_energy *end) {
 static void print_events(const report *r, const msim_stats *stats) {
   if (stats->contacts) {
     print_column(VALUE_COLUMN, "contacts");
-    printf("%" PRId64 " impacts or reflections of particles, or pairs pushed apart\n",
-           stats->contacts);
+    printf("%" PRId64 " impacts or reflections of particles%s\n", stats->contacts,
+           r->self_contact ? ", and pairs pushed apart" : "");
   }
   if (stats->indefinite_steps) {
     print_column(VALUE_COLUMN, "indefinite");

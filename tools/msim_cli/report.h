@@ -9,9 +9,10 @@ typedef struct report {
   msim_state first; /* only step and t are used */
   msim_energy start;
   double wall_s;
-  int notes;      /* number of the library's notes on stderr */
-  int64_t frames; /* frames written to args->out */
-  int goes_on;    /* 1: the file had frames before */
+  int self_contact; /* 1: the scene has it */
+  int notes;        /* number of the library's notes on stderr */
+  int64_t frames;   /* frames written to args->out */
+  int goes_on;      /* 1: the file had frames before */
 } report;
 
 /* Print the summary after the run; the sim is in its last state. */

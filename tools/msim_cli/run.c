@@ -118,6 +118,7 @@ static int make_sim(run *r) {
   msim_scene_view view = {.size = sizeof view};
   msim_scene_get(r->made.scene, &view);
   snprintf(r->report.name, sizeof r->report.name, "%s", view.name);
+  r->report.self_contact = view.self_thickness > 0;
   release_scene(r);
   if (args->init && final_read(args->init, r->sim)) return EXIT_ERROR;
   find_end(r);

@@ -134,7 +134,7 @@ static int find_rest(statics *s) {
   if (!s->args->quiet)
     printf(
         "force       %.3g N at most, on particle %d (accepted: %.3g N)\n"
-        "iterations  %d of Newton's method, %d equilibria that are no minimum left\n"
+        "iterations  %d of Newton's method; %d saddle points were left\n"
         "minimum     %s\n"
         "energy      elastic %.6g J, gravitational %.6g J\n",
         e.force, (int)e.particle, ftol, (int)e.iterations, (int)e.saddles,
