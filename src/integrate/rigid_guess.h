@@ -1,20 +1,26 @@
 /* rigid_guess - an initial guess of velocities: the body goes on as a rigid one
  *
  * Newton's method starts from it. Where the velocities at the start are nearly those of a rigid
- * body that turns with w about its centre, which moves with V, they become
- *   v' = V' + R (v - V),   R = 1 + K + K^2/(1 + sqrt(1 - |dt w|^2)),   K u = dt w x u,
- * R being the rotation by the angle whose sine is dt |w|: velocities of implicit Euler are chords
- * (x - x_before)/dt, from which w follows as the sine over dt. From v itself Newton's method would
- * start at x + dt v, where springs that turn are stretched by (dt w)^2/2, a hundred times the
- * change of the motion of a stiff body. V' is exact: forces of springs do not change momentum. */
+ * body that turns about its centre X, which moves with V, they are taken as chords of the step
+ * before, as those of implicit Euler are: particles were at y = x - dt (v - V), x from the centre.
+ * The rotation R takes the y nearest to the x (Kabsch 1976), and in the frame of the body particles
+ * go on as before,
+ *   v' = V' + (R (x + (x - R y)) - x)/dt.
+ * From v itself Newton's method would start at x + dt v, where springs that turn by an angle a are
+ * stretched by a^2/2, a hundred times the change of the motion of a stiff body.
+ *
+ * Forces of springs change neither momentum nor angular momentum. The first gives V' exactly; by
+ * the second the positions x' = x0 + ah v' are turned until the residual has no moment about their
+ * centre: implicit Euler slows a rotation by the share a^2 in a step. */
 #ifndef MS_RIGID_GUESS_H
 #define MS_RIGID_GUESS_H
 
-#include "integrate/integrator.h"
+#include "integrate/newton.h"
 
-/* v: in, the velocities of the unknowns at s->x; out, the guess for dt (s) later. Unchanged where
- * particles are pinned; particles in contact keep their velocities, and V' = V where there are
- * any, or a force function. Uses s->scratch. Collective */
-void ms_rigid_guess_advance(ms_stepper *s, double dt, double *v);
+/* stage: v in, the velocities of the unknowns at s->x; out, the guess for dt (s) later. Unchanged
+ * where particles are pinned. With contacts or a force function, which change momentum,
+ * v' = V + R (v - V), and particles in contact keep their velocities. Uses s->scratch.
+ * Collective */
+void ms_rigid_guess_advance(ms_stepper *s, double dt, const ms_newton_stage *stage);
 
 #endif

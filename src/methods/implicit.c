@@ -83,7 +83,7 @@ static msim_status solve_stages(ms_stepper *s, const tableau *t, stage_inputs *f
     for (int k = 0; k < 4; k++) stage.work[k] = s->work[NEWTON + k];
     form_known_parts(s, &t->stage[i], from);
     s->c = find_stage_time(s, &t->stage[i], time);
-    ms_rigid_guess_advance(s, (s->c - time) * s->h, s->v_next);
+    ms_rigid_guess_advance(s, (s->c - time) * s->h, &stage);
     time = s->c;
     const msim_status status = ms_newton_solve(s, &stage, err);
     if (status) return status;
