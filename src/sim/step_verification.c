@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "base/simd.h"
 #include "base/vec3.h"
 #include "physics/signed_distance.h"
 #include "physics/single.h"
@@ -50,30 +51,39 @@ static double find_defect_norm(const ms_integrator *method, ms_stepper *s,
   return mass_norm(s, s->x_spare[0], scales->extent, scales);
 }
 
-/* A number of a vector in the precision of the model, rounded to floats in single precision */
-static double number_at(const ms_model *model, const double *vec, size_t at) {
-  return model->state_shape.single ? (double)((const float *)(const void *)vec)[at] : vec[at];
+/* A number of a vector of floats or doubles */
+MS_INLINE double number_at(int single, const double *vec, size_t at) {
+  return single ? (double)((const float *)(const void *)vec)[at] : vec[at];
 }
 
-/* 1 - cos of the largest angle by which a spring turned, among those whose direction matters. The
- * least cos |cos| is found first, as that needs a single root. */
-static double find_turn(const ms_stepper *s) {
+/* cos |cos| of the largest angle by which a spring turned, among those whose direction matters:
+ * finding the least one needs no root, and no division unless it is less than those before. */
+MS_INLINE double find_least_cosine(size_t dims, int single, const ms_stepper *s) {
   const ms_springs *springs = &s->model->springs;
-  const size_t stride = (size_t)s->model->unknowns.stride, dims = (size_t)s->model->unknowns.dims;
+  const size_t stride = (size_t)s->model->unknowns.stride;
+  const double *x = s->x, *x_next = s->x_next;
   double least = 1;
   for (int32_t e = 0; e < springs->n; e++) {
-    const size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
+    size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
     double before = 0, after = 0, both = 0;
-    if (ms_scene_is_linear(s->model->scene, ms_springs_number(springs, e))) continue;
-    for (size_t at = 0; at < dims * stride; at += stride) {
-      const double from = number_at(s->model, s->x, at + j) - number_at(s->model, s->x, at + i);
-      const double to =
-          number_at(s->model, s->x_next, at + j) - number_at(s->model, s->x_next, at + i);
+    for (size_t k = 0; k < dims; k++, i += stride, j += stride) {
+      const double from = number_at(single, x, j) - number_at(single, x, i);
+      const double to = number_at(single, x_next, j) - number_at(single, x_next, i);
       before += from * from, after += to * to, both += from * to;
     }
     const double size = before * after, product = both * fabs(both);
-    if (product < least * size) least = product / size;
+    if (!(product < least * size)) continue;
+    if (!ms_scene_is_linear(s->model->scene, ms_springs_number(springs, e))) least = product / size;
   }
+  return least;
+}
+
+/* 1 - cos of that angle */
+static double find_turn(const ms_stepper *s) {
+  const int single = s->model->state_shape.single, dims = s->model->unknowns.dims;
+  const double least = single      ? find_least_cosine((size_t)dims, 1, s)
+                       : dims == 3 ? find_least_cosine(3, 0, s)
+                                   : find_least_cosine(2, 0, s);
   return 1 - copysign(sqrt(fabs(least)), least);
 }
 
