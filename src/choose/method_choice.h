@@ -8,7 +8,7 @@
  * bound: a run of a hundred steps gets a method that is easily found.
  *
  * tr-bdf2, dop853 and ssprk104 run under error control, too. dop853 does so over a part of the
- * pilot run (of at most 16 steps unless planes count), which yields its cost, and is the only
+ * pilot run (of at most 6 steps unless planes count), which yields its cost, and is the only
  * candidate where particles are few, as one event determines the error there. So does ssprk104,
  * whose stages cost less, where damping is strong: bounds on damping are loose. The others take
  * fixed steps: step doubling costs half as much again, and control adds up errors that cancel, up

@@ -322,11 +322,12 @@ static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_e
   return status;
 }
 
-/* Set p->error_growth: with planes 10, as later impacts may have larger errors; else g = (error of
- * a step at the end)/(that in the middle of the pilot run), 1 <= g <= 4, or g^2 unless damping is
- * strong. */
+/* Set p->step_growth: g = (error of a step at the end)/(that in the middle of the pilot run),
+ * 1 <= g <= 4; with planes 1. And p->error_growth: g, or g^2 unless damping is strong; with planes
+ * 10, as later impacts may have larger errors. */
 static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error *err) {
   double now, before;
+  p->step_growth = 1;
   p->error_growth = p->planes_count ? 10 : 1;
   if (p->planes_count) return MSIM_OK;
   msim_status status = compare_half_steps(p, step, 1, &p->middle, &before, err);
@@ -334,7 +335,8 @@ static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error
   if (status) return status;
   const int is_strongly_damped = p->bounds.rate > p->bounds.omega;
   const double ratio = now / fmax(before, p->scales.rounding);
-  if (ratio > 1) p->error_growth = pow(fmin(ratio, 4), is_strongly_damped ? 1 : 2);
+  p->step_growth = fmax(1, fmin(ratio, 4));
+  p->error_growth = pow(p->step_growth, is_strongly_damped ? 1 : 2);
   return MSIM_OK;
 }
 

@@ -42,6 +42,7 @@ typedef struct ms_pilot_run {
   ms_pilot_state coarse_middle, coarse_end; /* of the longer steps in trials from the start */
   double duration, error_growth; /* s: length of the pilot run; factor by which errors may grow,
                                       >= 1 */
+  double step_growth;            /* that by which errors of equal steps may grow, 1 to 4 */
   int met_plane;                 /* the pilot run has met a plane */
   int planes_count;              /* planes count: the pilot run met one, or one is close */
   int mid_run;                   /* the run has begun before: new steps must divide its own */

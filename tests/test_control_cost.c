@@ -1,0 +1,98 @@
+/* Tests of integrator = auto: a few steps under error control show what such a run costs. */
+#include <math.h>
+#include <string.h>
+
+#include "auto_scenes.h"
+#include "choose/pilot_run.h"
+
+static msim_scene *damped_rope(void) { return swing(32, 1e4, 4); }
+static msim_scene *rope(void) { return swing(32, 1e4, 0); }
+
+/* A block of 1 kg, pinned at a face, bends; damping of 1/4 of critical */
+static msim_scene *damped_block(void) {
+  enum { SIDE = 8 };
+  const double g[3] = {0, 0, -9.81};
+  int32_t face[SIDE * SIDE];
+  for (int32_t i = 0; i < SIDE * SIDE; i++) face[i] = i;
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {SIDE, SIDE, SIDE},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000,
+                              .damping = 0.7,
+                              .npinned = SIDE * SIDE,
+                              .pinned = face};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
+static const ms_candidate *find_controlled(const msim_sim *sim, const char *method) {
+  for (int i = 0; i < MS_CANDIDATES; i++) {
+    const ms_candidate *c = &sim->config.choice.candidates[i];
+    if (c->error_control && !strcmp(c->method->entry.name, method)) return c;
+  }
+  return NULL;
+}
+
+static double work_of_run(const msim_scene *scene, const char *method, double tol, double t_end) {
+  const msim_options opt = options_of(method, tol, t_end);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const double work = ms_pilot_run_count_work(sim);
+  msim_sim_destroy(sim);
+  return work;
+}
+
+/* Errors of steps grow after the pilot run, where ropes and cloths start at rest, and steps become
+ * shorter; where the limit of stability decides, they do not. Evaluations of dop853 count
+ * 13/12-fold. */
+static void the_cost_of_error_control_is_foreseen(void **state) {
+  (void)state;
+  static const struct {
+    msim_scene *(*make)(void);
+    const char *method;
+    double tol;
+  } row[] = {{damped_rope, "ssprk104", 1e-2}, {damped_rope, "ssprk104", 1e-4},
+             {damped_rope, "dop853", 1e-5},   {damped_rope, "dop853", 1e-7},
+             {rope, "dop853", 1e-5},          {rope, "dop853", 1e-7},
+             {damped_block, "ssprk104", 0.1}};
+  const double t_end = 0.5;
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    msim_scene *scene = row[i].make();
+    msim_options opt = options_of("auto", row[i].tol, t_end);
+    opt.precision = MSIM_PRECISION_DOUBLE;
+    msim_sim *sim = make_sim(scene, &opt);
+    const ms_candidate *c = find_controlled(sim, row[i].method);
+    const double sums = strcmp(row[i].method, "dop853") == 0 ? 13. / 12 : 1;
+    const double work = sums * work_of_run(scene, row[i].method, row[i].tol, t_end);
+    const double ratio = c->cost_rate * t_end / work;
+    print_message("  %s, tol %.0e: foreseen/spent %.3g\n", row[i].method, row[i].tol, ratio);
+    assert_true(c->tried && ratio > 0.8 && ratio < 1.25);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* 6 steps of dop853 take 86 evaluations here, 16 would take 206; the pilot run and the trials of
+ * fixed steps take the others. */
+static void few_steps_are_sufficient(void **state) {
+  (void)state;
+  msim_scene *scene = rope();
+  const msim_options opt = options_of("auto", 1e-5, 0.5);
+  msim_sim *sim = make_sim(scene, &opt);
+  const double choice = sim->config.choice.total_cost;
+  print_message("  the choice: %.0f evaluations\n", choice);
+  assert_true(find_controlled(sim, "dop853")->tried);
+  assert_true(choice < 450);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(the_cost_of_error_control_is_foreseen),
+                                     cmocka_unit_test(few_steps_are_sufficient)};
+  return cmocka_run_group_tests_name("control_cost", tests, NULL, NULL);
+}
