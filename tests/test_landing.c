@@ -250,7 +250,7 @@ static void a_damped_cloth_on_a_ball_takes_few_iterations(void **state) {
     msim_sim *sim = make_sim(scene, &opt);
     for (int64_t before = 0; state_of(sim).step < STEPS; before = stats_of(sim).newton_iterations) {
       assert_ok(msim_sim_step(sim, 1, err));
-      assert_in_range(stats_of(sim).newton_iterations - before, 1, MOST_IN_A_STEP);
+      assert_true(stats_of(sim).newton_iterations - before <= MOST_IN_A_STEP);
     }
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);

@@ -164,7 +164,8 @@ static int find_past_rotation(const ms_stepper *s, double dt, const double *v,
   return find_rotation(sum.S, R);
 }
 
-/* x, from the centre of mass, and minus the residual of unknown r at the guess */
+/* x, from the centre of mass, and minus the residual of unknown r at the guess, without gravity,
+ * which has no moment about that centre */
 static void find_residual(const ms_stepper *s, const ms_newton_stage *g, const rigid_motion *motion,
                           int32_t r, double x[3], double residual[3]) {
   const ms_model *model = s->model;
@@ -175,7 +176,6 @@ static void find_residual(const ms_stepper *s, const ms_newton_stage *g, const r
   ms_unknowns_get(rows, g->v, r, v);
   ms_unknowns_get(rows, g->w, r, w);
   if (model->force) ms_unknowns_get(rows, model->force, r, f);
-  ms_vec3_axpy(m, model->external.gravity, f);
   ms_vec3_axpy(g->ah, v, x), ms_vec3_axpy(-1, motion->X_next, x);
   const double inertia = m + ms_external_matrix(&model->external, g->ah);
   for (int c = 0; c < 3; c++) residual[c] = inertia * v[c] - m * w[c] - g->ah * f[c];
