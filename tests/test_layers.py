@@ -13,7 +13,7 @@ C11 = {name + ".h" for name in
        """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal
        stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib stdnoreturn string tgmath time
        wchar wctype""".split()}
-SYSTEM = {"base": {"dlfcn.h", "immintrin.h", "pthread.h", "sched.h", "unistd.h"},
+SYSTEM = {"base": {"dlfcn.h", "immintrin.h", "pthread.h", "sched.h", "sys/mman.h", "unistd.h"},
           "scene": {"jansson.h"}, "record": {"dirent.h", "fcntl.h", "sys/stat.h", "unistd.h"}}
 LONGEST_FILE, LONGEST_FUNCTION, LONGEST_LINE = 500, 50, 100
 

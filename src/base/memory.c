@@ -1,13 +1,22 @@
+#define _DEFAULT_SOURCE /* madvise */
 #include "base/memory.h"
 
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #include "base/sized.h"
 
+/* Large blocks ask for huge pages, which most systems leave to programs: scenes that exceed the
+ * caches then miss fewer translations of addresses. */
 static void *libc_alloc(size_t bytes, void *user) {
+  const size_t HUGE_PAGE = (size_t)1 << 21;
+  void *block;
   (void)user;
-  return malloc(bytes);
+  if (bytes < HUGE_PAGE) return malloc(bytes);
+  if (posix_memalign(&block, HUGE_PAGE, bytes)) return NULL;
+  (void)madvise(block, bytes, MADV_HUGEPAGE); /* a hint, which a kernel may refuse */
+  return block;
 }
 
 static void libc_free(void *ptr, void *user) {
