@@ -15,7 +15,7 @@
 
 /*------------------------------------- correct plugins ------------------------------------------*/
 
-static void strangers_solve_as(const char *solver, int factorises) {
+static void strangers_solve_as(const char *solver, int factorizes) {
   msim_scene *scene = hanging_cloth(4, 100, 0.1);
   msim_options opt = options("linearly-implicit-euler", 0.01);
   opt.solver = solver, opt.plugin_path = FAKES, opt.solver_rtol = 1e-12;
@@ -25,8 +25,8 @@ static void strangers_solve_as(const char *solver, int factorises) {
   assert_ok(msim_sim_step(a, 20, err));
   assert_ok(msim_sim_step(b, 20, err));
   for (int i = 0; i < 48; i++) assert_close(state_of(a).x[i], state_of(b).x[i], 1e-11);
-  assert_int_equal(stats_of(a).factorizations, factorises ? 20 : 0);
-  assert_int_equal(stats_of(a).iterations > 20, !factorises);
+  assert_int_equal(stats_of(a).factorizations, factorizes ? 20 : 0);
+  assert_int_equal(stats_of(a).iterations > 20, !factorizes);
   msim_sim_destroy(a), msim_sim_destroy(b);
   msim_scene_destroy(scene);
 }

@@ -65,13 +65,13 @@ static void one_factorization_serves_a_run(void **state) {
     msim_sim *lean = implicit(scene, solver, 0), *general = implicit(scene, solver, 1);
     assert_int_equal(lean->islands->stepper.solver->system.a.block, 1);
     assert_int_equal(general->islands->stepper.solver->system.a.block, 3 - i % 2);
-    const int factorises = lean->islands->stepper.solver->linear->factorises;
+    const int factorizes = lean->islands->stepper.solver->linear->factorizes;
     assert_ok(msim_sim_step(lean, 40, err));
     assert_ok(msim_sim_step(general, 40, err));
     same_motion(lean, general, 1e-10);
     msim_stats s = stats_of(lean);
     assert_int_equal(s.assemblies, 1);
-    assert_int_equal(s.factorizations, factorises);
+    assert_int_equal(s.factorizations, factorizes);
     assert_int_equal(s.solves, 40);
     assert_int_equal(s.refinements + s.kept_factors + s.fallbacks + s.indefinite_steps, 0);
 
@@ -89,7 +89,7 @@ static void one_factorization_serves_a_run(void **state) {
     assert_ok(msim_sim_step(lean, 10, err));
     s = stats_of(lean);
     assert_int_equal(s.assemblies, 3);
-    assert_int_equal(s.factorizations, 3 * factorises);
+    assert_int_equal(s.factorizations, 3 * factorizes);
     assert_true(s.analyses <= 1);
     msim_sim_destroy(lean), msim_sim_destroy(general);
     msim_scene_destroy(scene);

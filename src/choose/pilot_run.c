@@ -417,10 +417,10 @@ static ms_trial make_pilot(const ms_pilot_run *p, const ms_integrator *method) {
 /* Where damping limits the steps of velocity Verlet, with two evaluations each, rkc may need half
  * as many, and its long steps are accurate enough for a state that is typical of the run. */
 static ms_trial choose_pilot(const ms_pilot_run *p, const ms_trial *verlet) {
-  const ms_trial stabilised = make_pilot(p, &ms_rkc);
-  if (!p->damped || ms_scene_has_obstacles(p->sim->scene) || stabilised.h == 0) return *verlet;
-  const double cost = ms_rkc.stages(stabilised.h, p->bounds) / stabilised.h;
-  return cost < 0.75 * 2 / verlet->h ? stabilised : *verlet;
+  const ms_trial stabilized = make_pilot(p, &ms_rkc);
+  if (!p->damped || ms_scene_has_obstacles(p->sim->scene) || stabilized.h == 0) return *verlet;
+  const double cost = ms_rkc.stages(stabilized.h, p->bounds) / stabilized.h;
+  return cost < 0.75 * 2 / verlet->h ? stabilized : *verlet;
 }
 
 msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const msim_state *start,

@@ -237,7 +237,7 @@ static msim_status adapter_solve(ms_linear *base, const ms_linear_target *target
   msim_solve_info info = {.size = sizeof info};
   if (self->b) {
     ms_sparse_matrix_pack(model, &self->matrix, b, self->b);
-    if (!base->factorises) ms_sparse_matrix_pack(model, &self->matrix, y, self->y);
+    if (!base->factorizes) ms_sparse_matrix_pack(model, &self->matrix, y, self->y);
   }
   msim_status status = self->table->solve(self->backend, &self->view, &params,
                                           model->unknowns.dims / self->view.block,
@@ -326,7 +326,7 @@ static msim_status create_matrix(adapter *self, msim_error *err) {
   if (status) return status;
   if (!(MS_NEW(alloc, self->b, length) && MS_NEW(alloc, self->y, length)))
     return ms_error_set_memory(err, "the linear solver");
-  const int has_modes = !self->base.factorises && self->base.system->a.block > 1;
+  const int has_modes = !self->base.factorizes && self->base.system->a.block > 1;
   return has_modes ? pack_positions(self, err) : MSIM_OK;
 }
 
@@ -354,7 +354,7 @@ static msim_status adapter_set_up(adapter *self, const msim_options *opt, const 
   if (!status && options)
     status = convert_backend_status(self, self->table->set_options(self->backend, options), err);
   if (!status) status = choose_format(self, err);
-  self->base.substitutes = self->base.factorises && self->format != MSIM_FORMAT_NONE;
+  self->base.substitutes = self->base.factorizes && self->format != MSIM_FORMAT_NONE;
   if (!status)
     status = self->format == MSIM_FORMAT_NONE ? create_preconditioners(self, opt, err)
                                               : create_matrix(self, err);
@@ -385,7 +385,7 @@ msim_status ms_adapter_create(const ms_linear_system *system, const char *name,
                            .symmetric = (table->flags & MSIM_BACKEND_SYMMETRIC) != 0,
                            .unsymmetric = (table->flags & MSIM_BACKEND_UNSYMMETRIC) &&
                                           table->format != MSIM_FORMAT_UPPER,
-                           .factorises = !(table->flags & MSIM_BACKEND_ITERATIVE)};
+                           .factorizes = !(table->flags & MSIM_BACKEND_ITERATIVE)};
   self->table = table;
   ms_plugin_init_host(&self->host, alloc);
   status = adapter_set_up(self, opt, options, err);

@@ -83,7 +83,7 @@ static msim_status bicg_step(bicgstab_run *q, int j) {
 }
 
 /* r[0] -= gamma1 r[1] + gamma2 r[2], of minimal norm, by modified Gram-Schmidt */
-static msim_status minimise_residual(bicgstab_run *q) {
+static msim_status minimize_residual(bicgstab_run *q) {
   const ms_bicgstab *s = q->s;
   const double first = bicgstab_dot(q, s->r[1], s->r[1]),
                tau = bicgstab_dot(q, s->r[2], s->r[1]) / first;
@@ -114,7 +114,7 @@ static msim_status bicgstab_iterate(bicgstab_run *q, double goal, double *y) {
   while (!status && sqrt(bicgstab_dot(q, s->r[0], s->r[0])) > goal && *q->iterations < q->limit) {
     q->rho *= -q->omega;
     for (int j = 0; j < DEGREE && !status; j++) status = bicg_step(q, j);
-    if (!status) status = minimise_residual(q);
+    if (!status) status = minimize_residual(q);
   }
   if (status && status != MSIM_NOT_CONVERGED) return status;
   status = bicgstab_precondition(q, s->x);

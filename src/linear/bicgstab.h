@@ -3,7 +3,7 @@
  * preconditioned by A0, A without that term
  *
  * The preconditioner B ~ A0^-1 acts from the right, and the iteration runs in the coordinates
- * L^-1 r, D = L L^T the diagonal blocks: the 2-norm that it minimises, and by which it stops, is
+ * L^-1 r, D = L L^T the diagonal blocks: the 2-norm that it minimizes, and by which it stops, is
  * then the norm of jacobi.h. It needs ten vectors. GMRES(20) stagnates where conjugate gradients
  * take some 100 iterations for A0, which is symmetric. */
 #ifndef MS_BICGSTAB_H
@@ -11,7 +11,7 @@
 
 #include "linear/linear.h"
 
-enum { MS_BICGSTAB_DEGREE = 2 }; /* of the polynomials that minimise the residual */
+enum { MS_BICGSTAB_DEGREE = 2 }; /* of the polynomials that minimize the residual */
 
 typedef struct ms_bicgstab {
   double *r[MS_BICGSTAB_DEGREE + 1], *u[MS_BICGSTAB_DEGREE + 1];

@@ -71,7 +71,7 @@ struct ms_linear {
   const char *name;
   int symmetric;      /* solves symmetric systems that are not positive definite */
   int unsymmetric;    /* solves non-symmetric systems */
-  int factorises;     /* factor() computes a factorization of A */
+  int factorizes;     /* factor() computes a factorization of A */
   int substitutes;    /* substitute() is there */
   int exact;          /* solutions are exact to rounding: no check */
   int is_verified;    /* the last solve has verified that its true residual is within the target */

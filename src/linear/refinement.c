@@ -22,7 +22,7 @@ int ms_refinement_is_accurate(ms_solver *s, const double *b, const double *v,
 static ms_linear_target factor_target(const ms_solver *s) {
   const double FINE = 1e-5;
   ms_linear_target target = s->target;
-  if (s->linear->factorises) target.rtol = fmin(target.rtol, FINE);
+  if (s->linear->factorizes) target.rtol = fmin(target.rtol, FINE);
   return target;
 }
 
@@ -45,7 +45,7 @@ static msim_status check_and_refine(ms_solver *s, int has_converged, const doubl
           err, MSIM_NOT_CONVERGED,
           "solver %s reached a relative residual of %.3g, not %.3g; raise solver.rtol%s",
           s->linear->name, s->relative_residual, s->target.rtol,
-          s->linear->factorises ? "" : " or solver.max_iterations, or use solver = cholmod");
+          s->linear->factorizes ? "" : " or solver.max_iterations, or use solver = cholmod");
     ms_vector_clear_all(shape, s->correction);
     msim_status status = s->linear->ops->solve(s->linear, &target, s->residual, s->correction,
                                                &s->stats->iterations, err);

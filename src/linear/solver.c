@@ -72,7 +72,7 @@ static msim_status take_choice(ms_solver *s, const ms_solver_choice *choice, msi
   msim_status status = MSIM_OK;
   if (s->linear->aggregates && !(s->opt->skip_off & MSIM_SKIP_KEPT_FACTOR))
     status = create_linearization_point(s, &s->coarse_point, err);
-  const int lags = may_lag_factor(s) && s->linear->factorises && s->linear->fill > 0;
+  const int lags = may_lag_factor(s) && s->linear->factorizes && s->linear->fill > 0;
   return status || !lags ? status : start_lagging(s, s->linear, err);
 }
 
@@ -199,7 +199,7 @@ static msim_status solver_factor(ms_solver *s, ms_linear *linear, int32_t kind, 
   s->stats->assemble_s += start - begin;
   const int64_t made = linear->coarse_factors, kept = linear->reused_coarse_factors;
   msim_status status = linear->ops->factor(linear, kind, err);
-  s->stats->factorizations += linear->factorises;
+  s->stats->factorizations += linear->factorizes;
   s->stats->coarse_factors += linear->coarse_factors - made;
   s->stats->kept_factors += linear->reused_coarse_factors - kept;
   s->stats->factor_s += ms_clock_now() - start;
@@ -359,7 +359,7 @@ static msim_status solve_constant(ms_solver *s, const ms_linear_system_spec *r, 
 /* Prepare A without the damping derivative as a preconditioner, positive definite or not. */
 static msim_status factor_symmetric_part(ms_solver *s, msim_error *err) {
   const ms_damping_derivative all = s->system.damping_derivative;
-  const int may_be_definite = s->linear->factorises;
+  const int may_be_definite = s->linear->factorizes;
   s->system.damping_derivative.v = NULL;
   msim_status status =
       solver_factor(s, s->linear, may_be_definite ? MSIM_FACTOR_SPD : MSIM_FACTOR_SYMMETRIC, err);
@@ -388,7 +388,7 @@ static msim_status solve_unsymmetric(ms_solver *s, int direct, const double *b, 
 
 /* Conjugate gradients may miss that A is hardly definite, or not: they find far too large a v. */
 static int is_nearly_singular(const ms_solver *s, const double *b, const double *v) {
-  return !s->linear->factorises && ms_residual_compute_curvature(&s->system, b, v) < 0.01;
+  return !s->linear->factorizes && ms_residual_compute_curvature(&s->system, b, v) < 0.01;
 }
 
 static msim_status solve_variable(ms_solver *s, const ms_linear_system_spec *r, const double *b,
@@ -439,7 +439,7 @@ msim_status ms_solver_solve(ms_solver *solver, const ms_linear_system_spec *spec
   status = solve_once(solver, spec, b, v, err);
   const int at_limit = status == MSIM_NOT_CONVERGED && !spec->v;
   solver->incomplete =
-      at_limit && !solver->linear->factorises && ms_options_accept_incomplete(solver->opt);
+      at_limit && !solver->linear->factorizes && ms_options_accept_incomplete(solver->opt);
   if (at_limit && !solver->incomplete && solver->may_switch &&
       !ms_solver_switch_to_cholmod(solver, NULL))
     status = solve_once(solver, spec, b, v, err);

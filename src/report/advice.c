@@ -143,7 +143,7 @@ static int list_tight_options(const advice *a, size_t size, char *list) {
   const double REACHABLE = 1e-12;
   const msim_options *opt = options_of(a);
   const ms_solver *solver = a->sim->islands->stepper.solver;
-  const int iterates = solver && !solver->linear->factorises;
+  const int iterates = solver && !solver->linear->factorizes;
   const int newton = method_of(a)->nonlinear || (solver && opt->collision == MSIM_COLLISION_EVENT);
   const tight_option options[] = {
       {iterates && opt->solver_max_iterations < USUAL_SOLVER_ITERATIONS,
@@ -176,7 +176,7 @@ static void advise_not_converged(advice *a) {
         fmax(1e-6, 1000 * opt->tol));
   if (list_tight_options(a, sizeof list, list) > 0)
     say(a, "Set %s: these limits and tolerances are the default.", list);
-  if (solver && !solver->linear->factorises && strcmp(opt->solver, "auto") != 0)
+  if (solver && !solver->linear->factorizes && strcmp(opt->solver, "auto") != 0)
     say(a, "Set solver = auto: it factors where iterations do not converge.");
   if (!ms_sim_has_control(a->sim)) say_shorten(a);
   if (!ms_sim_has_control(a->sim) && opt->incomplete == MSIM_INCOMPLETE_STOP)

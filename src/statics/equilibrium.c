@@ -140,7 +140,7 @@ static msim_status check_springs(const search *s, msim_error *err) {
  * left. Conjugate gradients have the matrix in single precision. */
 static double longest_step(const search *s) {
   const ms_linear *linear = s->sim->islands->stepper.solver->linear;
-  return (linear->factorises ? 1e5 : 1e3) / s->omega;
+  return (linear->factorizes ? 1e5 : 1e3) / s->omega;
 }
 
 /* v = the motion with the most negative stiffness, by the power method on (M + h^2 K)^-1 M, whose

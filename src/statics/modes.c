@@ -150,7 +150,7 @@ static double rounding_level(const subspace *s) {
  * the largest theta has most */
 static double largest_residual(const subspace *s, double theta) {
   const double SMALL = 1e-8;
-  const int is_iterative = !s->sim->islands->stepper.solver->linear->factorises;
+  const int is_iterative = !s->sim->islands->stepper.solver->linear->factorizes;
   return SMALL * theta + is_iterative * MS_STATIC_RTOL * s->theta[0];
 }
 

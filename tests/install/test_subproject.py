@@ -34,7 +34,7 @@ class Subproject(unittest.TestCase):
         self.configure()
         self.assertTrue((self.build / "msim/cmake_install.cmake").is_file())
 
-    def optimisations(self, *options):
+    def optimizations(self, *options):
         """The sets of words -O... of msim's compile commands and of the parent's."""
         self.configure("-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", "-DMSIM_BACKENDS=auto", *options)
         commands = json.loads((self.build / "compile_commands.json").read_text())
@@ -46,14 +46,14 @@ class Subproject(unittest.TestCase):
         return levels[True], levels[False]
 
     def test_without_a_build_type(self):
-        """msim and its plugins are optimised, and only they."""
-        self.assertEqual(self.optimisations("-DCMAKE_C_FLAGS="), ({"-O3"}, {""}))
+        """msim and its plugins are optimized, and only they."""
+        self.assertEqual(self.optimizations("-DCMAKE_C_FLAGS="), ({"-O3"}, {""}))
 
     def test_with_a_build_type(self):
         """What the parent project chooses is kept."""
-        self.assertEqual(self.optimisations("-DCMAKE_C_FLAGS=", "-DCMAKE_BUILD_TYPE=Debug"),
+        self.assertEqual(self.optimizations("-DCMAKE_C_FLAGS=", "-DCMAKE_BUILD_TYPE=Debug"),
                          ({""}, {""}))
-        self.assertEqual(self.optimisations("-DCMAKE_C_FLAGS=-g -O1", "-DCMAKE_BUILD_TYPE="),
+        self.assertEqual(self.optimizations("-DCMAKE_C_FLAGS=-g -O1", "-DCMAKE_BUILD_TYPE="),
                          ({"-O1"}, {"-O1"}))
 
 

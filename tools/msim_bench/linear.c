@@ -99,8 +99,8 @@ void add_solvers(const linear_bench *b, solver_comparison *r, const cost_limits 
       continue;
     }
     solver_comparison_add_step(r, solver->name, solver->table, r->moving->threads);
-    const int factorises = solver->table && !(solver->table->flags & MSIM_BACKEND_ITERATIVE);
-    if (factorises && is_step) solver_comparison_add_backend(r);
+    const int factorizes = solver->table && !(solver->table->flags & MSIM_BACKEND_ITERATIVE);
+    if (factorizes && is_step) solver_comparison_add_backend(r);
   }
 }
 

@@ -61,7 +61,7 @@ static void print_times(const json_t *row) {
 static void report_factorization(report *out, const step_comparison *r) {
   json_t *row = add_step_row(out, "factor", r->step.moving, r->step.h,
                              FIELDS(TEXT("method", "cholmod, bare")));
-  printf(" %-21s", "one factorisation");
+  printf(" %-21s", "one factorization");
   if (r->factor) {
     put_fields(row, FIELDS(TEXT("status", "ok")));
     put_times(row, r->factor, factor_seconds, "ms", 1e3);

@@ -6,7 +6,7 @@
 
 #include "../common/clock.h"
 
-/*------------------------------------- one factorisation ----------------------------------------*/
+/*------------------------------------- one factorization ----------------------------------------*/
 
 /* Times the factorization alone, by CHOLMOD, on the matrix of the linearly implicit step from the
  * same state, after such a step. */
