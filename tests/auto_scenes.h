@@ -67,4 +67,25 @@ static inline msim_options options_of(const char *method, double tol, double t_e
 
 enum { MOST = 3 * 81 }; /* coordinates of the largest scene */
 
+/* A block of 1 kg, pinned at a face, bends; damping of 1/4 of critical */
+static inline msim_scene *damped_solid(void) {
+  enum { SIDE = 8 };
+  const double g[3] = {0, 0, -9.81};
+  int32_t face[SIDE * SIDE];
+  for (int32_t i = 0; i < SIDE * SIDE; i++) face[i] = i;
+  const msim_lattice block = {.size = sizeof block,
+                              .n = {SIDE, SIDE, SIDE},
+                              .extent = {0.2, 0.2, 0.2},
+                              .mass = 1,
+                              .k = 2000,
+                              .damping = 0.7,
+                              .npinned = SIDE * SIDE,
+                              .pinned = face};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_lattice(scene, &block, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
 #endif

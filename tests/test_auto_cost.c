@@ -310,27 +310,6 @@ static void first_trials_are_not_extrapolated_far(void **state) {
 
 /*------------------------------------- damping --------------------------------------------------*/
 
-/* A block of 1 kg, pinned at a face, bends; damping of 1/4 of critical */
-static msim_scene *damped_solid(void) {
-  enum { SIDE = 8 };
-  const double g[3] = {0, 0, -9.81};
-  int32_t face[SIDE * SIDE];
-  for (int32_t i = 0; i < SIDE * SIDE; i++) face[i] = i;
-  const msim_lattice block = {.size = sizeof block,
-                              .n = {SIDE, SIDE, SIDE},
-                              .extent = {0.2, 0.2, 0.2},
-                              .mass = 1,
-                              .k = 2000,
-                              .damping = 0.7,
-                              .npinned = SIDE * SIDE,
-                              .pinned = face};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_lattice(scene, &block, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
-}
-
 /* Force evaluations of a run in double precision, those of the choice included; used: the method
  * that makes it; x: its end */
 static double evaluations_of(const msim_scene *scene, const char *method, double tol,

@@ -8,27 +8,6 @@
 static msim_scene *damped_rope(void) { return swing(32, 1e4, 4); }
 static msim_scene *rope(void) { return swing(32, 1e4, 0); }
 
-/* A block of 1 kg, pinned at a face, bends; damping of 1/4 of critical */
-static msim_scene *damped_block(void) {
-  enum { SIDE = 8 };
-  const double g[3] = {0, 0, -9.81};
-  int32_t face[SIDE * SIDE];
-  for (int32_t i = 0; i < SIDE * SIDE; i++) face[i] = i;
-  const msim_lattice block = {.size = sizeof block,
-                              .n = {SIDE, SIDE, SIDE},
-                              .extent = {0.2, 0.2, 0.2},
-                              .mass = 1,
-                              .k = 2000,
-                              .damping = 0.7,
-                              .npinned = SIDE * SIDE,
-                              .pinned = face};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_lattice(scene, &block, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
-}
-
 static const ms_candidate *find_controlled(const msim_sim *sim, const char *method) {
   for (int i = 0; i < MS_CANDIDATES; i++) {
     const ms_candidate *c = &sim->config.choice.candidates[i];
@@ -58,7 +37,7 @@ static void the_cost_of_error_control_is_foreseen(void **state) {
   } row[] = {{damped_rope, "ssprk104", 1e-2}, {damped_rope, "ssprk104", 1e-4},
              {damped_rope, "dop853", 1e-5},   {damped_rope, "dop853", 1e-7},
              {rope, "dop853", 1e-5},          {rope, "dop853", 1e-7},
-             {damped_block, "ssprk104", 0.1}};
+             {damped_solid, "ssprk104", 0.1}};
   const double t_end = 0.5;
   for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
     msim_scene *scene = row[i].make();

@@ -10,13 +10,6 @@ static void subtract(const double a[3], const double b[3], double d[3]) {
 
 static double clamp_to_unit(double t) { return t > 0 ? fmin(t, 1) : 0; }
 
-static void cross(const double a[3], const double b[3], double to[3]) {
-  for (int c = 0; c < 3; c++) {
-    const int d = (c + 1) % 3, e = (c + 2) % 3;
-    to[c] = a[d] * b[e] - a[e] * b[d];
-  }
-}
-
 /* The least distance so far, squared, and r = sum_c w_c x_c */
 typedef struct closest {
   double square, r[3], weight[4];
@@ -49,7 +42,7 @@ static int try_inner_point(double x[4][3], closest *best) {
   const double FLAT = 1e-8; /* sin^2 of the angle of a triangle that is too sharp */
   double e1[3], e2[3], q[3], n[3], qe2[3], e1q[3];
   subtract(x[2], x[1], e1), subtract(x[3], x[1], e2), subtract(x[0], x[1], q);
-  cross(e1, e2, n), cross(q, e2, qe2), cross(e1, q, e1q);
+  ms_vec3_cross(e1, e2, n), ms_vec3_cross(q, e2, qe2), ms_vec3_cross(e1, q, e1q);
   const double square = ms_vec3_dot(n, n);
   if (!(square > 0)) return IS_FLAT;
   const double u = ms_vec3_dot(qe2, n) / square, v = ms_vec3_dot(e1q, n) / square;

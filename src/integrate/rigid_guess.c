@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/vec3.h"
 #include "physics/external_force.h"
 #include "physics/rank_model.h"
 
@@ -11,19 +12,12 @@ typedef struct rigid_motion {
   double mass, n, X[3], V[3], V_next[3], X_next[3];
 } rigid_motion;
 
-/* Sums over particles of products of two vectors each */
+/* Sums over particles; x: from the centre of mass */
 typedef struct moments {
-  double S[3][3]; /* m y y^T */
-  double K[3][3]; /* y g^T */
-  double energy;
+  double S[3][3]; /* m x x^T */
+  double K[3][3]; /* x y^T, y: m times the velocity, or the residual */
+  double energy;  /* m |v - V|^2 */
 } moments;
-
-static void cross(const double a[3], const double b[3], double c[3]) {
-  for (int i = 0; i < 3; i++) {
-    const int j = (i + 1) % 3, k = (i + 2) % 3;
-    c[i] = a[j] * b[k] - a[k] * b[j];
-  }
-}
 
 static int has_pins(const ms_model *model) {
   const ms_unknowns *rows = &model->unknowns;
@@ -71,7 +65,7 @@ static void add_product(double a, const double y[3], const double z[3], double s
 static int solve(double A[3][3], const double b[3], double w[3]) {
   const double FLAT = 1e-9, trace = A[0][0] + A[1][1] + A[2][2];
   double column[3][3];
-  for (int c = 0; c < 3; c++) cross(A[(c + 1) % 3], A[(c + 2) % 3], column[c]);
+  for (int c = 0; c < 3; c++) ms_vec3_cross(A[(c + 1) % 3], A[(c + 2) % 3], column[c]);
   const double det = ms_vec3_dot(A[0], column[0]);
   if (!(det > FLAT * trace * trace * trace)) return 0;
   for (int c = 0; c < 3; c++) w[c] = 0;
@@ -82,8 +76,8 @@ static int solve(double A[3][3], const double b[3], double w[3]) {
 /* u = R u, R the rotation about a by the angle whose sine is |a| < 1 */
 static void rotate(const double a[3], double u[3]) {
   double first[3], second[3];
-  cross(a, u, first);
-  cross(a, first, second);
+  ms_vec3_cross(a, u, first);
+  ms_vec3_cross(a, first, second);
   ms_vec3_axpy(1, first, u);
   ms_vec3_axpy(1 / (1 + sqrt(1 - ms_vec3_dot(a, a))), second, u);
 }

@@ -7,13 +7,6 @@
 #include "physics/spring_law.h"
 #include "scene/angles.h"
 
-static void cross(const double a[3], const double b[3], double out[3]) {
-  for (int c = 0; c < 3; c++) {
-    const int d = (c + 1) % 3, e = (c + 2) % 3;
-    out[c] = a[d] * b[e] - a[e] * b[d];
-  }
-}
-
 /* v -= its part along p, twice, as a first difference may consist of rounding errors */
 static void project_across(const double p[3], double p2, double v[3]) {
   for (int i = 0; i < 2; i++) ms_vec3_axpy(-ms_vec3_dot(p, v) / p2, p, v);
@@ -26,7 +19,7 @@ void ms_angle_measure(const double p[3], const double q[3], ms_angle *to) {
   for (int c = 0; c < 3; c++) to->p[c] = p[c], to->q[c] = q[c];
   to->a2 = ms_vec3_dot(to->p, to->p), to->b2 = ms_vec3_dot(to->q, to->q);
   if (to->a2 <= MS_MIN_LENGTH2 || to->b2 <= MS_MIN_LENGTH2) return;
-  cross(to->p, to->q, w);
+  ms_vec3_cross(to->p, to->q, w);
   project_across(to->p, to->a2, w);
   const double across = ms_vec3_norm(w), along = ms_vec3_dot(to->p, to->q);
   to->phi = atan2(across, -along);
@@ -36,8 +29,8 @@ void ms_angle_measure(const double p[3], const double q[3], ms_angle *to) {
   }
   to->kind = MS_ANGLE_PLANE;
   for (int c = 0; c < 3; c++) to->n[c] = w[c] / across;
-  cross(to->n, to->p, to->grad[0]);
-  cross(to->q, to->n, to->grad[1]);
+  ms_vec3_cross(to->n, to->p, to->grad[0]);
+  ms_vec3_cross(to->q, to->n, to->grad[1]);
   for (int c = 0; c < 3; c++) to->grad[0][c] /= to->a2, to->grad[1][c] /= to->b2;
 }
 

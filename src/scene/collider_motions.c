@@ -23,11 +23,6 @@ void ms_collider_motion_rotate_axes(const double w[3], double axis[3][3]) {
   }
 }
 
-static void cross(const double a[3], const double b[3], double to[3]) {
-  for (int c = 0; c < 3; c++)
-    to[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
-}
-
 /* f = (1 - cos a)/a^2 and g = (a - sin a)/a^3, and f'/a and g'/a; near 0 by Taylor's series */
 typedef struct spin_factors {
   double f, g, df, dg;
@@ -49,8 +44,9 @@ static void set_spin(const double w[3], const double rate[3], const double rate2
   const spin_factors k = find_spin_factors(ms_vec3_norm(w));
   const double growth = ms_vec3_dot(w, rate);
   double once[3], twice[3], once2[3], twice2[3], between[3];
-  cross(w, rate, once), cross(w, once, twice);
-  cross(w, rate2, once2), cross(w, once2, twice2), cross(rate, once, between);
+  ms_vec3_cross(w, rate, once), ms_vec3_cross(w, once, twice);
+  ms_vec3_cross(w, rate2, once2), ms_vec3_cross(w, once2, twice2),
+      ms_vec3_cross(rate, once, between);
   for (int c = 0; c < 3; c++) {
     to->spin[c] = rate[c] + k.f * once[c] + k.g * twice[c];
     to->spin_rate[c] = rate2[c] + k.f * once2[c] + k.g * (twice2[c] + between[c]) +

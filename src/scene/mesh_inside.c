@@ -130,11 +130,6 @@ static double squared_from_segment(const double p[3], const double along[3]) {
   return ms_vec3_dot(rest, rest);
 }
 
-static void cross(const double a[3], const double b[3], double to[3]) {
-  for (int c = 0; c < 3; c++)
-    to[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
-}
-
 /* The squared distance of p from a triangle, in squared units: from its plane where the foot of the
  * perpendicular is inside the three edges, else from the nearest edge. */
 static double squared_from_face(const double p[3], const double *const corner[3], double unit) {
@@ -144,10 +139,10 @@ static double squared_from_face(const double p[3], const double *const corner[3]
     for (int d = 0; d < 3; d++)
       edge[c][d] = (corner[(c + 1) % 3][d] - corner[c][d]) / unit,
       from[c][d] = (p[d] - corner[c][d]) / unit;
-  cross(edge[0], edge[1], normal);
+  ms_vec3_cross(edge[0], edge[1], normal);
   for (int c = 0; c < 3; c++) {
     double inward[3];
-    cross(normal, edge[c], inward);
+    ms_vec3_cross(normal, edge[c], inward);
     inside &= ms_vec3_dot(inward, from[c]) > 0;
     least = fmin(least, squared_from_segment(from[c], edge[c]));
   }
