@@ -2,10 +2,10 @@
 # Sourced by check: what finds little, in slices. Each run of tools/check takes one turn, of ten
 # minutes at most, and --full takes all, and what takes longer or depends on chance. tools/packages has
 # what each slice needs, under its name.
-turns=("clang_bits documentation player" "kills debian" "quick_benches recipes"
-  "failing_allocations paraview" sanitized_runs sanitized_contact
-  "sanitized_solvers thread_sanitizer" coverage memory_errors memory_errors_of_newton
-  "static_analysis instructions" fuzzing "python fully_static")
+turns=(clang_bits "documentation player" kills debian quick_benches "recipes fully_static"
+  "failing_allocations paraview" sanitized_runs sanitized_contact sanitized_solvers
+  thread_sanitizer coverage memory_errors memory_errors_of_newton "static_analysis instructions"
+  fuzzing python)
 read -ra slices <<<"${turns[*]} wheels mutations"
 
 # The number of commits chooses, so that neighbouring commits take different turns; in a shallow
