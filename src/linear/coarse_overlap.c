@@ -2,20 +2,30 @@
 
 #include <string.h>
 
+#include "base/ranks.h"
 #include "linear/modes.h"
 #include "linear/rank_patches.h"
 
+static const char WHAT[] = "the affine motions of the rank";
+
 /*------------------------------------- creation -------------------------------------------------*/
 
-/* An aggregate is connected, and so in one patch. Returns 0 if memory is exhausted. */
+/* An aggregate is connected, and so in one patch. For splitting, it is where its first unknown is.
+ * Returns 0 if memory is exhausted. */
 static int find_patches(const ms_coarse *coarse, struct ms_coarse_overlap *q) {
   const ms_aggregates *a = &coarse->aggregates;
-  const msim_allocator *alloc = &coarse->model->scene->alloc;
+  const ms_model *model = coarse->model;
+  const msim_allocator *alloc = &model->scene->alloc;
+  ms_rank_places at = {.n = a->n, .x = model->scene->x};
   int32_t *of = NULL;
-  if (MS_NEW(alloc, of, coarse->model->unknowns.nfree))
-    q->n = ms_rank_patches_find(coarse->model, of);
-  for (int32_t k = 0; k < a->n && q->n; k++) q->patch[k] = of[a->unknown[a->first[k]]];
-  ms_memory_free(alloc, of);
+  if (MS_NEW(alloc, of, model->unknowns.nfree) && MS_NEW(alloc, at.particle, a->n))
+    q->n = ms_rank_patches_find(model, of);
+  for (int32_t k = 0; k < a->n && q->n; k++) {
+    q->patch[k] = of[a->unknown[a->first[k]]];
+    at.particle[k] = model->unknowns.particle[a->unknown[a->first[k]]];
+  }
+  if (q->n) q->n = ms_rank_patches_split(q->n, model->shape.ranks->n, at, q->patch);
+  MS_FREE(alloc, of, at.particle);
   return q->n > 0;
 }
 
@@ -39,35 +49,54 @@ static int find_motions(const ms_coarse *coarse, struct ms_coarse_overlap *q) {
   return 1;
 }
 
+/* Connected aggregates are both in patches, or neither is. */
 static void list_links(const ms_coarse *coarse, const ms_sparse_graph *graph,
                        struct ms_coarse_overlap *q) {
   for (int32_t i = 0; i < graph->n; i++)
     for (int32_t at = graph->ptr[i]; at < graph->ptr[i + 1]; at++) {
       const int32_t j = graph->ind[at];
-      if (coarse->position[i] < coarse->position[j]) continue;
+      if (q->patch[i] < 0 || coarse->position[i] < coarse->position[j]) continue;
       int32_t *link = q->links[q->nlinks++];
       link[0] = i, link[1] = j, link[2] = ms_coarse_find(coarse, i, j);
     }
 }
 
+/* The pattern of R^T A R, and room for it */
+static msim_status create_matrix(const ms_coarse *coarse, struct ms_coarse_overlap *q,
+                                 msim_error *err) {
+  const msim_allocator *alloc = &coarse->model->scene->alloc;
+  int32_t ptr[MS_MOST_PATCHES + 1] = {0}, ind[MS_MOST_PATCHES * MS_MOST_PATCHES];
+  int is_linked[MS_MOST_PATCHES][MS_MOST_PATCHES] = {{0}};
+  const ms_sparse_graph graph = {.n = q->n, .ptr = ptr, .ind = ind};
+  for (int32_t k = 0; k < q->nlinks; k++) {
+    const int32_t p = q->patch[q->links[k][0]], other = q->patch[q->links[k][1]];
+    if (p != other) is_linked[p][other] = is_linked[other][p] = 1;
+  }
+  for (int32_t p = 0; p < q->n; p++) {
+    ptr[p + 1] = ptr[p];
+    for (int32_t other = 0; other < q->n; other++)
+      if (is_linked[p][other]) ind[ptr[p + 1]++] = other;
+  }
+  const msim_status status = ms_block_cholesky_create(
+      alloc, &graph, MS_MODES * coarse->model->unknowns.dims, coarse->model->isa, &q->chol, err);
+  const size_t size = ms_block_cholesky_size(&q->chol);
+  if (status) return status;
+  if (!MS_NEW(alloc, q->matrix, 2 * size)) return ms_error_set_memory(err, WHAT);
+  q->chol.value = q->matrix + size;
+  return MSIM_OK;
+}
+
 msim_status ms_coarse_overlap_create(const ms_coarse *coarse, const ms_sparse_graph *graph,
                                      struct ms_coarse_overlap **overlap, msim_error *err) {
-  static const char WHAT[] = "the affine motions of the rank";
   const msim_allocator *alloc = &coarse->model->scene->alloc;
   const size_t block = MS_MODES * (size_t)coarse->model->unknowns.dims;
   struct ms_coarse_overlap *q = *overlap = ms_memory_allocate(alloc, 1, sizeof *q);
   if (!q || !MS_NEW(alloc, q->patch, graph->n) || !find_patches(coarse, q) ||
       !MS_NEW(alloc, q->motions, MS_MODES * (size_t)graph->n) || !find_motions(coarse, q) ||
-      !MS_NEW(alloc, q->links, graph->ptr[graph->n]) ||
-      !MS_NEW(alloc, q->matrix, 2 * block * block * (size_t)q->n) ||
-      !MS_NEW(alloc, q->b, block * (size_t)q->n))
+      !MS_NEW(alloc, q->links, graph->ptr[graph->n]) || !MS_NEW(alloc, q->b, block * (size_t)q->n))
     return ms_error_set_memory(err, WHAT);
   list_links(coarse, graph, q);
-  const ms_sparse_graph none = {.n = q->n, .ptr = (int32_t[MS_MOST_PATCHES + 1]){0}};
-  msim_status status =
-      ms_block_cholesky_create(alloc, &none, (int32_t)block, coarse->model->isa, &q->chol, err);
-  q->chol.value = q->matrix + block * block * (size_t)q->n;
-  return status;
+  return create_matrix(coarse, q, err);
 }
 
 void ms_coarse_overlap_destroy(const msim_allocator *alloc, struct ms_coarse_overlap *q) {
@@ -108,41 +137,63 @@ static void mirror(size_t n, const double *lower, double *block) {
     for (size_t i = j; i < n; i++) block[n * j + i] = block[n * i + j] = lower[n * j + i];
 }
 
-/* R^T A R of one patch. Motions that do not depend on coordinates have zeros: 1 on the diagonal
- * makes them harmless. */
-static void compute_block(const ms_coarse *coarse, int32_t patch, double *sum) {
-  enum { MOST = MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK };
+/* to += block, or its transpose */
+static void add_block(size_t n, const double *block, int transposed, double *to) {
+  for (size_t j = 0; j < n; j++)
+    for (size_t i = 0; i < n; i++) to[n * j + i] += block[transposed ? n * i + j : n * j + i];
+}
+
+static int is_transposed(const struct ms_coarse_overlap *q, int32_t row, int32_t column) {
+  return q->chol.position[row] < q->chol.position[column];
+}
+
+/* matrix += the block of a pair of aggregates, R_i^T A_ij R_j, and within a patch its transpose */
+static void add_link(const ms_coarse *coarse, const int32_t link[3]) {
   const struct ms_coarse_overlap *q = coarse->overlap;
   const size_t n = (size_t)q->chol.block, area = n * n;
-  double links[MOST] = {0}, block[MOST];
-  memset(sum, 0, area * sizeof *sum);
+  const int32_t row = q->patch[link[0]], column = q->patch[link[1]];
+  double product[MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK] = {0};
+  double *to = q->matrix + area * (size_t)ms_block_cholesky_find(&q->chol, row, column);
+  add_product(n, coarse->value + area * (size_t)link[2], q->motions + MS_MODES * link[0],
+              q->motions + MS_MODES * link[1], product);
+  add_block(n, product, is_transposed(q, row, column), to);
+  if (row == column) add_block(n, product, 1, to);
+}
+
+/* Motions that do not depend on coordinates have zeros: 1 on the diagonal makes them harmless. */
+static void compute_matrix(const ms_coarse *coarse) {
+  const struct ms_coarse_overlap *q = coarse->overlap;
+  const size_t n = (size_t)q->chol.block, area = n * n;
+  double block[MS_BLOCK_CHOLESKY_MAX_BLOCK * MS_BLOCK_CHOLESKY_MAX_BLOCK];
+  memset(q->matrix, 0, ms_block_cholesky_size(&q->chol) * sizeof *q->matrix);
   for (int32_t k = 0; k < coarse->aggregates.n; k++) {
-    if (q->patch[k] != patch) continue;
+    if (q->patch[k] < 0) continue;
+    const int32_t at = ms_block_cholesky_find(&q->chol, q->patch[k], q->patch[k]);
     mirror(n, coarse->value + area * (size_t)coarse->diagonal[k], block);
-    add_product(n, block, q->motions + MS_MODES * k, q->motions + MS_MODES * k, sum);
+    add_product(n, block, q->motions + MS_MODES * k, q->motions + MS_MODES * k,
+                q->matrix + area * (size_t)at);
   }
-  for (int32_t k = 0; k < q->nlinks; k++) {
-    const int32_t *link = q->links[k];
-    if (q->patch[link[0]] != patch) continue;
-    add_product(n, coarse->value + area * (size_t)link[2], q->motions + MS_MODES * link[0],
-                q->motions + MS_MODES * link[1], links);
+  for (int32_t k = 0; k < q->nlinks; k++) add_link(coarse, q->links[k]);
+  for (int32_t p = 0; p < q->n; p++) {
+    double *diagonal = q->matrix + area * (size_t)ms_block_cholesky_find(&q->chol, p, p);
+    for (size_t i = 0; i < n; i++)
+      if (diagonal[n * i + i] == 0) diagonal[n * i + i] = 1;
   }
-  for (size_t j = 0; j < n; j++)
-    for (size_t i = 0; i < n; i++) sum[n * j + i] += links[n * j + i] + links[n * i + j];
-  for (size_t i = 0; i < n; i++)
-    if (sum[n * i + i] == 0) sum[n * i + i] = 1;
 }
 
 void ms_coarse_overlap_factor(const ms_coarse *coarse) {
   struct ms_coarse_overlap *q = coarse->overlap;
-  const size_t area = (size_t)(q->chol.block * q->chol.block);
-  for (int32_t p = 0; p < q->n; p++) {
-    double *block = q->matrix + area * (size_t)p;
-    compute_block(coarse, p, block);
-    memcpy(q->chol.value + area * (size_t)ms_block_cholesky_find(&q->chol, p, p), block,
-           area * sizeof *block);
-  }
+  compute_matrix(coarse);
+  memcpy(q->chol.value, q->matrix, ms_block_cholesky_size(&q->chol) * sizeof *q->matrix);
   q->is_factored = !ms_block_cholesky_factor(&q->chol);
+}
+
+void ms_coarse_overlap_get_block(const struct ms_coarse_overlap *q, int32_t row, int32_t column,
+                                 double *block) {
+  const size_t n = (size_t)q->chol.block, area = n * n;
+  memset(block, 0, area * sizeof *block);
+  add_block(n, q->matrix + area * (size_t)ms_block_cholesky_find(&q->chol, row, column),
+            is_transposed(q, row, column), block);
 }
 
 /*------------------------------------- solution -------------------------------------------------*/

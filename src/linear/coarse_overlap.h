@@ -16,11 +16,11 @@
 
 struct ms_coarse_overlap {
   int32_t n;                   /* patches (rank_patches.h) */
-  int32_t *patch;              /* aggregates.n: of each; -1: none */
+  int32_t *patch;              /* aggregates.n: of each, connected ones in parts; -1: none */
   double (*motions)[MS_MODES]; /* 4 aggregates.n: R, of each mode; alike in each component */
   int32_t nlinks;
   int32_t (*links)[3]; /* pairs of aggregates that springs connect, and their blocks in `value` */
-  double *matrix;      /* R^T A R, a block for each patch, by columns; then chol.value */
+  double *matrix;      /* R^T A R in the layout of chol.value, which follows it */
   ms_block_cholesky chol; /* its factor */
   int is_factored;
   double *b; /* R^T r, by patch and component */
@@ -36,6 +36,10 @@ void ms_coarse_overlap_weights(const ms_coarse *coarse, int32_t row, double weig
 
 /* Factor R^T A R, A in coarse->value. */
 void ms_coarse_overlap_factor(const ms_coarse *coarse);
+
+/* The block of two patches that springs connect, or of one, in R^T A R, by columns */
+void ms_coarse_overlap_get_block(const struct ms_coarse_overlap *overlap, int32_t row,
+                                 int32_t column, double *block);
 
 /* b = R^T coarse->r */
 void ms_coarse_overlap_restrict(const ms_coarse *coarse);

@@ -137,6 +137,17 @@ void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t com
   }
 }
 
+double ms_jacobi_relative_distance(const float *p, const float *q, size_t n) {
+  double apart[MS_SLICE] = {0}, size[MS_SLICE] = {0};
+  for (size_t i = 0; i < n; i += MS_SLICE)
+    for (size_t l = 0; l < MS_SLICE; l++) {
+      const double d = (double)p[i + l] - (double)q[i + l];
+      apart[l] += d * d, size[l] += (double)p[i + l] * (double)p[i + l];
+    }
+  for (size_t l = 1; l < MS_SLICE; l++) apart[0] += apart[l], size[0] += size[l];
+  return sqrt(apart[0] / size[0]);
+}
+
 /*------------------------------------- the norm -------------------------------------------------*/
 
 /* B = L L^T, l by rows. Returns 0 at a pivot within the rounding errors of its diagonal entry; with

@@ -28,6 +28,9 @@ msim_status ms_jacobi_invert(const ms_model *model, const ms_coefficients *a, in
 void ms_jacobi_apply(const ms_model *model, const ms_jacobi *jacobi, int32_t components,
                      const double *r, double *z);
 
+/* ||p - q|| / ||p||, Frobenius norms of n numbers of inverse blocks, a multiple of 8 */
+double ms_jacobi_relative_distance(const float *p, const float *q, size_t n);
+
 /* ||r|| = sqrt(r.D^-1 r), the norm by which solutions are accepted. It approximates the energy norm
  * of the error, sqrt(r.A^-1 r) (Arioli 2004), as D approximates A. It is invariant under scaling of
  * the unknowns, so that light particles count as much as heavy ones. */

@@ -118,17 +118,25 @@ static double pcg_reduce(ms_pcg *s, double alpha) {
   return sum;
 }
 
+/* z = 0, but for what the modes of ranks add */
+static void clear_correction(ms_pcg *s) {
+  const int32_t modes = s->coarse.aggregates.n * MS_MODES * s->base.system->model->unknowns.dims;
+  memset(s->q, 0, vector_bytes(s));
+  if (modes) memset(s->coarse.z, 0, (size_t)modes * sizeof *s->coarse.z);
+}
+
 /* The coarse correction of r, to coarse.z, with that of the modes of ranks, which goes to q where
- * this rank has no coarse space. product[0]: r.D^-1 r of this rank. Returns r.B r, and product[0],
- * over all ranks. */
+ * this rank has no coarse space; at a start, the latter alone. product[0]: r.D^-1 r of this rank.
+ * Returns r.B r, and product[0], over all ranks. */
 static double pcg_solve_coarse(ms_pcg *s, double product[2]) {
   product[1] = s->coarse_is_ready ? ms_coarse_solve(&s->coarse) : 0;
+  if (s->starts) clear_correction(s);
   const ms_operands rz = {s->r, s->q, s->single};
   const ms_coarse *coarse = s->coarse_is_ready ? &s->coarse : NULL;
   double modes = 0;
   if (s->modes && s->modes->is_ready) modes = ms_rank_modes_solve(s->modes, product, coarse, rz);
   else ms_ranks_sum(s->base.system->model->shape.ranks, 2, product);
-  return product[0] + (product[1] + modes);
+  return s->starts ? modes : product[0] + (product[1] + modes);
 }
 
 static void pcg_advance(ms_pcg *s, double alpha, double beta) {
@@ -136,18 +144,6 @@ static void pcg_advance(ms_pcg *s, double alpha, double beta) {
 }
 
 /*------------------------------------- setup ----------------------------------------------------*/
-
-/* ||p - q|| / ||p||, Frobenius norms, n a multiple of 8 */
-static double relative_distance(const float *p, const float *q, size_t n) {
-  double apart[MS_SLICE] = {0}, size[MS_SLICE] = {0};
-  for (size_t i = 0; i < n; i += MS_SLICE)
-    for (size_t l = 0; l < MS_SLICE; l++) {
-      const double d = (double)p[i + l] - (double)q[i + l];
-      apart[l] += d * d, size[l] += (double)p[i + l] * (double)p[i + l];
-    }
-  for (size_t l = 1; l < MS_SLICE; l++) apart[0] += apart[l], size[0] += size[l];
-  return sqrt(apart[0] / size[0]);
-}
 
 /* The numbers of D^-1 by which matrices are compared: its diagonal */
 static size_t count_compared(const ms_pcg *s) {
@@ -172,7 +168,7 @@ static int can_keep_coarse_factor(const ms_pcg *s, int32_t kind) {
       !ms_coarse_is_constrained_by(&s->coarse, system->a.constraint, system->a.nconstraints))
     return 0;
   if (kind == MSIM_FACTOR_SYMMETRIC && s->coarse_age + 1 < SEVERAL) return 1;
-  return relative_distance(s->factored_inverse, s->inverse, count_compared(s)) <= HARDLY;
+  return ms_jacobi_relative_distance(s->factored_inverse, s->inverse, count_compared(s)) <= HARDLY;
 }
 
 static void keep_coarse_factor(ms_pcg *s) {
@@ -233,11 +229,11 @@ static int may_round_vectors(const ms_pcg *s) {
 
 /* The blocks of this rank in the matrix of the modes of ranks are known where the coarse matrix is
  * of this very matrix, and rounding, which they share with no other rank, is harmless. */
-static const double *find_own_blocks(const ms_pcg *s, int may_round) {
+static const struct ms_coarse_overlap *find_own_blocks(const ms_pcg *s, int may_round) {
   const ms_coarse *coarse = &s->coarse;
   const int is_this = s->coarse_is_ready && s->coarse_age == 0 && !coarse->drops_negative_t &&
                       coarse->nconstrained == 0 && !coarse->is_constrained_more;
-  return is_this && may_round ? coarse->overlap->matrix : NULL;
+  return is_this && may_round ? coarse->overlap : NULL;
 }
 
 /* The coarse factors of all ranks and the factor of their modes are of the same matrix. */
@@ -251,10 +247,11 @@ static msim_status pcg_factor(ms_linear *base, int32_t kind, msim_error *err) {
   if (!status && base->aggregates && keeps.all) keep_coarse_factor(s);
   else if (!status && base->aggregates) status = factor_coarse(s, kind);
   const int may_round = may_round_vectors(s);
-  /* any: a coarse space is worthwhile on a rank */
-  ms_agreement bits = {.all = may_round ? 1u : 0u, .any = base->aggregates > 0};
+  enum { ROUNDS = 1, IS_FREE = 2 }; /* any: a coarse space is worthwhile on a rank */
+  const uint32_t is_free = base->system->a.nconstraints ? 0 : IS_FREE;
+  ms_agreement bits = {.all = is_free | (may_round ? ROUNDS : 0), .any = base->aggregates > 0};
   status = ms_ranks_agree_on(ranks, status, &bits, NULL);
-  s->rounds_vectors = bits.all > 0;
+  s->rounds_vectors = (bits.all & ROUNDS) > 0, s->is_free = (bits.all & IS_FREE) > 0;
   if (!s->modes) return status;
   if (status || !keeps.all) s->modes->is_ready = 0;
   if (!status && bits.any && !s->modes->is_ready)
@@ -290,10 +287,11 @@ static msim_status pcg_iterate(ms_pcg *s, const double *b, double goal, int64_t 
     }
     if (!s->modes) rho = pcg_solve_coarse(s, product);
     pcg_advance(s, alpha, s->rho > 0 ? rho / s->rho : 0);
-    s->rho = rho;
+    s->rho = s->starts ? 0 : rho;
     const double curvature = pcg_apply(s);
-    if (!(curvature > 0)) return MSIM_NOT_SPD;
-    alpha = rho / curvature;
+    if (!(curvature > 0) && !s->starts) return MSIM_NOT_SPD;
+    alpha = curvature > 0 ? rho / curvature : 0;
+    s->starts = 0;
   }
 }
 
@@ -310,7 +308,9 @@ static double find_unit(const ms_pcg *s, double size) {
  * DROP, while both are near, and the directions go on (van der Vorst and Ye, SIAM J. Sci. Comput.
  * 22 (2000) 835; in two precisions: Carson and Higham, SIAM J. Sci. Comput. 40 (2018) A817). They
  * start anew where the residuals are apart, as at rounding level, where directions would grow
- * without bound. The true residual decides, until it is no longer halved. */
+ * without bound. The true residual decides, until it is no longer halved.
+ * On several ranks the first direction is in the space of their modes alone (Nicolaides 1987): free
+ * fall, which no coarse space of a rank has, is found at once. Constraints prevent such motions. */
 static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, const double *b,
                              double *y, int64_t *iterations, msim_error *err) {
   (void)err;
@@ -324,6 +324,7 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
   place_vectors(s, model->single || s->rounds_vectors);
   s->y = y;
   s->rho = 0, s->unit = find_unit(s, target->size);
+  s->starts = s->modes && s->modes->is_ready && s->is_free;
   base->residual = target->size;
   for (const double *left = b;; left = s->residual) {
     base->is_verified = base->residual <= goal;
@@ -335,6 +336,7 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
     if (status) break;
     base->residual = ms_residual_compute(base->system, b, y, s->residual);
   }
+  s->starts = 0;
   *iterations += count;
   return status;
 }

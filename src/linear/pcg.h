@@ -42,6 +42,8 @@ typedef struct ms_pcg {
   double *y;        /* the caller's */
   double *residual; /* b - A y */
   double rho;       /* r.B r of the iteration that p is from; 0: p starts anew */
+  int is_free;      /* 1: the matrix has no constraints on any rank */
+  int starts;       /* 1: the next direction is in the space of the modes of ranks */
   double unit;      /* of r, p and q; a power of 2, 1 for doubles: squares are in range */
   double *vectors;  /* r, q, p and the residual; NULL: in coarse.value */
   ms_coarse coarse;

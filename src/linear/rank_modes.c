@@ -66,7 +66,7 @@ static void couple(ms_rank_modes *q, int32_t i, int32_t j) {
     q->index[(q->patch[i] - ms_rank_modes_first(q)) * n + q->patch[j]] = COUPLED;
 }
 
-/* The unknowns that springs join with ghosts, and the patches that they couple */
+/* The unknowns that springs join with ghosts, and the patches that springs couple */
 static void list_border(ms_rank_modes *q) {
   const ms_model *model = q->model;
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
@@ -74,10 +74,8 @@ static void list_border(ms_rank_modes *q) {
     int joins = 0;
     for (int32_t at = span.begin; at < span.end; at += span.step) {
       const int32_t neighbour = ms_half_edges_neighbour(&model->half_edges, at);
-      if (model->half_edges.spring[at] < 0 || neighbour < model->unknowns.first_pinned ||
-          neighbour >= model->unknowns.first_fixed)
-        continue;
-      joins = 1;
+      if (model->half_edges.spring[at] < 0 || neighbour >= model->unknowns.first_fixed) continue;
+      joins |= neighbour >= model->unknowns.first_pinned;
       couple(q, r, neighbour);
     }
     if (joins) q->border[q->nborder++] = r;
@@ -89,7 +87,7 @@ static void couple_corners(ms_rank_modes *q) {
   const ms_unknowns *rows = &q->model->unknowns;
   for (int32_t k = 0; k < 9 * q->model->angles.n; k++) {
     const int32_t *row = q->model->angles.row + k / 9 * 3, b = row[k % 9 / 3], c = row[k % 3];
-    if (b < rows->nfree && c >= rows->first_pinned && c < rows->first_fixed) couple(q, b, c);
+    if (b < rows->nfree && c < rows->first_fixed) couple(q, b, c);
   }
 }
 
@@ -155,15 +153,26 @@ static int create_matrix(const ms_sparse_graph *graph, ms_rank_modes *q) {
 
 /*------------------------------------- creation -------------------------------------------------*/
 
+/* Set q->patch, before the patches of all ranks are numbered. Returns how many this rank has; 0 if
+ * memory is exhausted. */
+static int32_t find_patches(const ms_rank_modes *q, const ms_coarse *coarse) {
+  if (!coarse->overlap) return ms_rank_patches_find(q->model, q->patch);
+  for (int32_t r = 0; r < q->model->unknowns.nfree; r++) {
+    const int32_t of = coarse->aggregates.of[r];
+    q->patch[r] = of < 0 ? -1 : coarse->overlap->patch[of];
+  }
+  return coarse->overlap->n;
+}
+
 /* Returns the number of own patches; 0 if memory is exhausted. */
-static int32_t create_rows(ms_rank_modes *q) {
+static int32_t create_rows(ms_rank_modes *q, const ms_coarse *coarse) {
   const msim_allocator *alloc = &q->model->scene->alloc;
   const ms_halo *halo = q->model->rank_model->halo;
   const size_t rows = (size_t)q->model->unknowns.first_fixed, n = (size_t)halo->ranks->n;
   const int fits = MS_NEW(alloc, q->patch, rows) && MS_NEW(alloc, q->weight, rows) &&
                    MS_NEW(alloc, q->border, halo->first_out[halo->n]) &&
                    MS_NEW(alloc, q->bytes, n) && MS_NEW(alloc, q->first, n + 1);
-  return fits ? ms_rank_patches_find(q->model, q->patch) : 0;
+  return fits ? find_patches(q, coarse) : 0;
 }
 
 /* What creation needs for a while */
@@ -203,7 +212,7 @@ msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model,
   creation c = {0};
   int32_t own = 0;
   ms_rank_modes *q = *modes = ms_memory_allocate(alloc, 1, sizeof *q);
-  if (q) q->model = model, own = create_rows(q);
+  if (q) q->model = model, own = create_rows(q, coarse);
   msim_status status = ms_ranks_agree_on_memory(ranks, own > 0, WHAT, err);
   if (!status) {
     number_patches(q, own);
@@ -281,14 +290,23 @@ static void compute_inverse(ms_rank_modes *q) {
   }
 }
 
+/* The blocks of own patches that this rank sends */
+static void copy_own_blocks(ms_rank_modes *q, const struct ms_coarse_overlap *own) {
+  const size_t area = (size_t)(q->chol.block * q->chol.block);
+  for (int32_t p = 0; p < ms_rank_modes_count(q); p++)
+    for (int32_t other = 0; other < ms_rank_modes_count(q); other++) {
+      const int32_t index = q->index[p * q->chol.n + ms_rank_modes_first(q) + other];
+      if (index != MS_RANK_NO_BLOCK)
+        ms_coarse_overlap_get_block(own, p, other, q->own + area * (size_t)index);
+    }
+}
+
 void ms_rank_modes_factor(ms_rank_modes *q, const ms_coefficients *a, double by,
-                          const double *own) {
+                          const struct ms_coarse_overlap *own) {
   ms_ranks *ranks = q->model->shape.ranks;
   const size_t area = (size_t)(q->chol.block * q->chol.block);
   memset(q->own, 0, (size_t)q->bytes[ranks->rank]);
-  for (int32_t p = 0; own && p < ms_rank_modes_count(q); p++)
-    memcpy(q->own + area * (size_t)q->index[p * q->chol.n + ms_rank_modes_first(q) + p],
-           own + area * (size_t)p, area * sizeof *own);
+  if (own) copy_own_blocks(q, own);
   kernels_of(q)->add_rows(q, a, by, !own);
   for (int32_t e = 0; e < q->model->angles.n; e++) add_angle(q, a, by, !own, e);
   ms_ranks_gather_parts(ranks, q->bytes, q->own, q->all);

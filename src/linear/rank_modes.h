@@ -1,11 +1,11 @@
 /* rank_modes - the top level of the preconditioner on several ranks: B += Q (Q^T A Q)^-1 Q^T
  *
- * Q has the affine motions of each patch of each rank (rank_patches.h), of which there is one where
- * all ranks share one body: for each component 1 and the coordinates in the scene, orthonormal; in
- * terms of the modes of the rank's coarse space where it has one, so that this level is a coarse
- * space of coarse spaces (coarse_overlap.h): 12 modes a patch, 8 in planar scenes. They carry
- * corrections across ranks, which coarse spaces of single ranks do not. Q^T A Q has a block row for
- * each patch, with blocks where springs join two patches. Every rank has all of its factor. Up to
+ * Q has the affine motions of each patch of each rank (rank_patches.h), the parts of bodies that
+ * ranks share: for each component 1 and the coordinates in the scene, orthonormal; in terms of the
+ * modes of the rank's coarse space where it has one, so that this level is a coarse space of coarse
+ * spaces (coarse_overlap.h): 12 modes a patch, 8 in planar scenes. They carry corrections across
+ * ranks, which coarse spaces of single ranks do not. Q^T A Q has a block row for each patch, with
+ * blocks where springs join two patches. Every rank has all of its factor. Up to
  * MS_RANK_MODES_FACTOR ranks each solves with it; on more ranks each computes its own rows of the
  * inverse from it, once, and multiplies by them: 12 P numbers in place of the whole factor, for a
  * further sum over ranks. */
@@ -52,10 +52,10 @@ msim_status ms_rank_modes_create(const ms_coarse *coarse, const ms_model *model,
                                  ms_rank_modes **modes, msim_error *err);
 void ms_rank_modes_destroy(const msim_allocator *alloc, ms_rank_modes *modes);
 
-/* Factor Q^T (by A) Q; collective. Where it is not positive definite, nothing is ready. own: the
- * diagonal blocks of the patches of this rank, if they are known. Nullable: own */
+/* Factor Q^T (by A) Q; collective. Where it is not positive definite, nothing is ready. own: has
+ * the blocks of the patches of this rank, if they are known. Nullable: own */
 void ms_rank_modes_factor(ms_rank_modes *modes, const ms_coefficients *a, double by,
-                          const double *own);
+                          const struct ms_coarse_overlap *own);
 
 /* z += Q (Q^T A Q)^-1 Q^T r on the unknowns of this rank, to coarse->z after ms_coarse_solve(), or
  * without a coarse space to that of rz. Returns r.(what is added), and in product[] the sums of

@@ -35,7 +35,7 @@ MS_INLINE void get_spring_block(size_t dims, const ms_model *model, const ms_coe
     for (size_t c = 0; c < dims; c++) block[b][c] = g * d[b] * d[c] + (b == c ? t : 0);
 }
 
-/* sum += block (weights of row j), for a row j of this rank; blocks are symmetric: b <= c */
+/* sum += block (weights of row j), for a row j of the same patch; blocks are symmetric: b <= c */
 MS_INLINE void add_own_column(size_t dims, const ms_rank_modes *q, int32_t j, double block[3][3],
                               ms_quad sum[3][3]) {
   const ms_quad w = weights_of(q, (size_t)j);
@@ -57,7 +57,8 @@ MS_INLINE void add_own_row(size_t dims, ms_rank_modes *q, int32_t i, ms_quad sum
       }
 }
 
-/* Most columns are own ones: they are added up before the weights of the row multiply them. */
+/* Most columns are of the same patch: they are added up before the weights of the row multiply
+ * them. */
 MS_INLINE void add_row(size_t dims, int with_own, ms_rank_modes *q, const ms_coefficients *a,
                        double by, int32_t i) {
   const ms_model *model = q->model;
@@ -71,7 +72,7 @@ MS_INLINE void add_row(size_t dims, int with_own, ms_rank_modes *q, const ms_coe
     if (model->half_edges.spring[at] < 0 || j >= model->unknowns.first_fixed) continue;
     if (is_own && !with_own) continue;
     get_spring_block(dims, model, a, by, i, at, block);
-    if (is_own) add_own_column(dims, q, j, block, sum);
+    if (is_own && q->patch[j] == q->patch[i]) add_own_column(dims, q, j, block, sum);
     else ms_rank_modes_add_block(q, i, j, block);
   }
   if (!with_own) return;

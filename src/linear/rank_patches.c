@@ -1,5 +1,6 @@
 #include "linear/rank_patches.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/disjoint_sets.h"
@@ -57,16 +58,70 @@ int32_t ms_rank_patches_find(const ms_model *model, int32_t *of) {
     c->crosses |= all[r].crosses;
     all[r].patch = -1;
   }
-  while (npatches < MS_MOST_PATCHES && (next = find_largest(n, all, 1)) >= 0)
+  while (npatches < MS_MOST_BODIES && (next = find_largest(n, all, 1)) >= 0)
     all[next].patch = npatches++;
   for (int32_t r = 0; r < n; r++) /* the other ones share the last patch */
-    if (all[r].size > 0 && all[r].crosses && all[r].patch < 0) all[r].patch = MS_MOST_PATCHES - 1;
+    if (all[r].size > 0 && all[r].crosses && all[r].patch < 0) all[r].patch = MS_MOST_BODIES - 1;
   if (npatches == 0 && (next = find_largest(n, all, 0)) >= 0) all[next].patch = 0;
   for (int32_t r = 0; r < n; r++) of[r] = ms_disjoint_sets_find_root(of, r);
   for (int32_t r = 0; r < n; r++) of[r] = all[of[r]].patch;
   ms_memory_free(alloc, all);
   return npatches > 0 ? npatches : 1;
 }
+
+/*------------------------------------- splitting ------------------------------------------------*/
+
+/* The number of items of a patch along an axis, their bounds and the sum of their coordinates */
+typedef struct extent {
+  int32_t n;
+  double low, high, sum;
+} extent;
+
+static double coordinate(const ms_rank_places *at, int32_t item, size_t axis) {
+  return at->x[3 * (size_t)at->particle[item] + axis];
+}
+
+static extent find_extent(const ms_rank_places *at, const int32_t *of, int32_t patch, size_t axis) {
+  extent e = {.low = INFINITY, .high = -INFINITY};
+  for (int32_t i = 0; i < at->n; i++) {
+    if (of[i] != patch) continue;
+    const double x = coordinate(at, i, axis);
+    e.n++, e.low = fmin(e.low, x), e.high = fmax(e.high, x), e.sum += x;
+  }
+  return e;
+}
+
+static int32_t find_most_items(int32_t npatches, const ms_rank_places *at, const int32_t *of) {
+  int32_t items[MS_MOST_PATCHES] = {0}, most = 0;
+  for (int32_t i = 0; i < at->n; i++)
+    if (of[i] >= 0) items[of[i]]++;
+  for (int32_t p = 1; p < npatches; p++)
+    if (items[p] > items[most]) most = p;
+  return most;
+}
+
+int32_t ms_rank_patches_split(int32_t npatches, int32_t nranks, ms_rank_places at, int32_t *of) {
+  /* patches of all ranks; items of one that is split: in small scenes the matrix of all patches
+   * would take more time than it saves */
+  enum { MOST_OF_ALL = 128, LEAST = 8 };
+  for (; npatches < MS_MOST_PATCHES && npatches < MOST_OF_ALL / nranks; npatches++) {
+    const int32_t split = find_most_items(npatches, &at, of);
+    extent longest = find_extent(&at, of, split, 0);
+    size_t axis = 0;
+    for (size_t c = 1; c < 3; c++) {
+      const extent e = find_extent(&at, of, split, c);
+      if (e.high - e.low > longest.high - longest.low) longest = e, axis = c;
+    }
+    if (longest.n < LEAST || !(longest.high > longest.low)) break;
+    /* below the highest one also where the mean is rounded up */
+    const double cut = fmin(longest.sum / longest.n, nextafter(longest.high, longest.low));
+    for (int32_t i = 0; i < at.n; i++)
+      if (of[i] == split && coordinate(&at, i, axis) > cut) of[i] = npatches;
+  }
+  return npatches;
+}
+
+/*------------------------------------- functions ------------------------------------------------*/
 
 void ms_rank_patches_orthonormalise(int32_t npatches, const int32_t *of, int32_t each, int32_t n,
                                     double (*v)[MS_MODES], double (*room)[MS_MODES]) {

@@ -42,7 +42,7 @@ int distributed_scene_create(const distributed_bench *b, const distributed_case 
 rank_run distributed_run(const distributed_bench *b, const distributed_case *c,
                          const moving_scene *m, int32_t ranks);
 
-/* What parts of a scene cost: messages, balance, iterations on many ranks, memory; rows and keys */
+/* What parts of a scene cost: messages, balance, iterations, memory; rows and keys */
 void measure_parts(distributed_bench *b);
 void measure_memory(distributed_bench *b);
 
