@@ -142,6 +142,20 @@ def net(rows, columns, slack, law="linear", pinned="corners", k=1000.0):
     return s
 
 
+def hung_cloth(n, k):
+    """A horizontal cloth of 1 m with diagonals, hung by two corners, which hangs in folds at rest"""
+    s = Scene()
+    for p in range(n * n):
+        r, c = p // n, p % n
+        s.add([c / (n - 1), r / (n - 1), 0], 0.3 / n ** 2, p in (0, n - 1))
+        if c:
+            s.join(p - 1, p, k)
+        for d in (-1, 0, 1):
+            if r and 0 <= c + d < n:
+                s.join(p - n + d, p, k)
+    return s
+
+
 def slack_cable():
     """A cable ten times as long as the distance of its ends, all in a horizontal line."""
     s = Scene()
@@ -333,6 +347,8 @@ MINIMA = {
     "slack net": lambda: net(8, 8, 1.3),
     "slack net, tension only": lambda: net(8, 8, 1.3, "tension"),
     "slack net between edges": lambda: net(9, 6, 2.0, "tension", "edges"),
+    "hung cloth": lambda: hung_cloth(8, 1000),
+    "hung cloth, soft": lambda: hung_cloth(12, 30),
     "slack cable": slack_cable,
     "loose net with a load": loose_net_with_a_load,
     "column below its buckling load": lambda: column(1.1),
@@ -401,6 +417,13 @@ class RestScenes(CliTest):
             with self.subTest(name):
                 sum_of_all += self.check_minimum(make())
         self.assertLess(sum_of_all, 200 * len(MINIMA))
+
+    def test_few_iterations(self):
+        """The clamped matrix is too stiff for motions of cloth out of its surface: it took 349 and
+        741."""
+        for name in ("hung cloth", "hung cloth, soft"):
+            with self.subTest(name):
+                self.assertLess(self.check_minimum(MINIMA[name]()), 150)
 
     def check_modes(self, s, x, n, solver="auto"):
         """w^2 of `modes` against LAPACK's of M^-1/2 K M^-1/2, to 1e-9 or 4e-14 of the largest one,

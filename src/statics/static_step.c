@@ -104,8 +104,23 @@ static void form_right_side(static_solve *c) {
   ms_vector_axpy(shape, -1, s->work[DIRECTION], b);
 }
 
+/* DIRECTION roughly, by conjugate gradients that leave the centres of mass of floating bodies where
+ * forces do not move them */
+static msim_status descend(const static_solve *c, ms_linear_system_spec *spec, msim_error *err) {
+  const double ROUGH = 1e-2;
+  ms_solver *solver = c->s->solver;
+  const double *b = c->s->work[RIGHT_SIDE];
+  double *v = c->s->work[DIRECTION];
+  spec->rtol = ROUGH;
+  const msim_status status = ms_solver_descend(solver, spec, b, v, err);
+  if (!status) ms_momentum_balance(c->s->model, &solver->system.a, &solver->components, b, v);
+  return status;
+}
+
 /* DIRECTION = d/h - PRESCRIBED with the present contacts. Where H is not positive definite, it is
- * clamped, without negative curvature. */
+ * clamped, without negative curvature. Without contacts, whose reactions need an accurate d,
+ * conjugate gradients reduce the compression of those springs only that make H indefinite: in
+ * slack cloth the clamped matrix is hundreds of times too stiff for motions out of its surface. */
 static msim_status solve(static_solve *c, msim_error *err) {
   ms_stepper *s = c->s;
   ms_linear_system_spec spec = {.x = s->x,
@@ -115,6 +130,7 @@ static msim_status solve(static_solve *c, msim_error *err) {
                                 .base = s->work[PRESCRIBED]};
   form_right_side(c);
   ms_stepper_linearize(s, s->x, s->v);
+  if (!c->e && ms_solver_can_descend(s->solver)) return descend(c, &spec, err);
   ms_contact_curvature_constrain(s, -INFINITY, &spec);
   msim_status status =
       ms_solver_solve(s->solver, &spec, s->work[RIGHT_SIDE], s->work[DIRECTION], err);

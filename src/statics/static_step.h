@@ -3,8 +3,9 @@
  * A step of linearly implicit pseudo-transient continuation (Kelley and Keyes 1998), one of
  * Newton's method for
  *   min_d  U(x + d) + |d|_M^2/(2 h^2),
- * is a solve of (M + h^2 K) d = h^2 F; where K is not positive definite enough, it is clamped. A
- * line search along x + alpha d reduces U. h also serves as a trust region: d is no longer than
+ * is a solve of (M + h^2 K) d = h^2 F; where K is not positive definite enough, it is clamped, or,
+ * by conjugate gradients without obstacles, has less compression (linear/compression.h). A line
+ * search along x + alpha d reduces U. h also serves as a trust region: d is no longer than
  * `radius`. Both grow after steps that reduce U as predicted.
  *
  * With obstacles, behind which x + d must not be, it is one of an active set method (Nocedal and
