@@ -36,6 +36,19 @@ WHOLE = {
     "upper.OBJ": OBJ,
 }
 
+# Vertices of no face, of those that follow OBJ
+UNUSED = {
+    "one.obj": (OBJ + "v 5 5 5\n", 1),
+    "at_the_start.OBJ": ("v 5 5 5\nv 6 6 6\nv 5 5 5\n" + OBJ.replace("f", "#") +
+                         "f -4 -2 -3\nf 4/1 5/2/3 7//4\n  f\t5 6 \\\n 7\nf 4 7 6\n", 3),
+    "mark.obj": ("\ufeffv 5 5 5\n" + OBJ.replace("f", "#") + "f -4 -2 -3\nf -4 -3 -1\n"
+                 "f -3 -2 -1\nf -4 -1 -2\n", 1),
+    "faces_first.obj": (OBJ[OBJ.index("f"):] + OBJ[:OBJ.index("f")] + "v 0 0 9", 1),
+    "equal.obj": (OBJ + "v 0 0 0\nv 0 0 0\nf 5 3 2\n", 1),
+    "line.obj": (OBJ + "v 5 5 5\nv 6 6 6\nv 7 7 7\nl 5 6\n", 3),
+    "normals.obj": (OBJ + "vt 0 0\nvn 0 0 1\nv\t3 4 5\n# v 1 2 3\nvp 1 2 3\n", 1),
+}
+
 DAMAGED = {
     "no_endsolid.stl": (text_stl()[:-11], "truncated"),
     "between_facets.stl": (text_stl()[:text_stl().rindex("facet normal")], "truncated"),
@@ -174,6 +187,18 @@ class MeshFiles(CliTest):
                 self.mesh(name, content)
                 final = self.run_final("--integrator", "rk4", "--h", "1e-3", "--steps", "1")
                 self.assertEqual({tuple(round(c, 3) for c in x) for x in final["x"]}, set(VERTICES))
+
+    def test_unused_vertices(self):
+        """Those of no face are counted, also where libassimp does not return them."""
+        for name, (content, count) in UNUSED.items():
+            with self.subTest(name):
+                self.mesh(name, content)
+                status, _, err = self.cli("run", "scene.json", "--integrator", "rk4", "--h", "1e-3",
+                                          "--steps", "1", "--final", "final.json", "--force")
+                self.assertEqual(status, 0, err)
+                self.assertEqual(len(self.final("final.json")["x"]), 4)
+                word = "vertex" if count == 1 else "vertices"
+                self.assertIn(f"{count} {word} of no face left out", err)
 
     def test_damaged_files(self):
         """One sentence that names the file."""

@@ -3,6 +3,7 @@
  * All triangles and polygons of a file are one mesh, at the places to which the nodes of a glTF
  * scene move them; polygons are cut into triangles, points and lines are left out. Vertices are in
  * the order of the file in PLY and glTF, and in that in which faces use them first in OBJ and STL.
+ * In OBJ those that no face uses follow, for the host to count.
  * Coordinates have the single precision of libassimp.
  *
  * Files may refer to others in their own folder, which are read: the buffers of glTF. libassimp has
@@ -24,6 +25,7 @@
 
 #include "cleaned.h"
 #include "msim/importer.h"
+#include "obj.h"
 #include "ply.h"
 #include "stl.h"
 
@@ -112,8 +114,9 @@ static msim_status announce(const msim_tree *tree, const char *path, int32_t kin
   return tree->add(tree, &node, room);
 }
 
-static msim_status add_arrays(const msim_host *host, const struct aiScene *scene,
-                              const msim_tree *tree) {
+/* unused: the coordinates of nunused vertices of no face, which follow those of libassimp */
+static msim_status add_arrays(const msim_host *host, const struct aiScene *scene, int64_t nunused,
+                              const double *unused, const msim_tree *tree) {
   arrays to = {0};
   void *vertices, *faces;
   msim_status status = add_scene(host, scene, &to);
@@ -121,11 +124,24 @@ static msim_status add_arrays(const msim_host *host, const struct aiScene *scene
     host->fail(host, "it contains no faces");
     return MSIM_ERR_ARG;
   }
-  if (!status) status = announce(tree, "vertices", MSIM_NODE_REAL, to.nvertices, &vertices);
+  const int64_t nvertices = to.nvertices + nunused;
+  if (!status) status = announce(tree, "vertices", MSIM_NODE_REAL, nvertices, &vertices);
   if (!status) status = announce(tree, "faces", MSIM_NODE_WHOLE, to.nfaces, &faces);
   if (status) return status;
   to.vertices = vertices, to.faces = faces;
-  return add_scene(host, scene, &to);
+  status = add_scene(host, scene, &to);
+  if (nunused) memcpy(to.vertices + 3 * to.nvertices, unused, 3 * (size_t)nunused * sizeof *unused);
+  return status;
+}
+
+static msim_status add_with_unused(const msim_host *host, const char *path,
+                                   const struct aiScene *scene, const msim_tree *tree) {
+  int64_t nunused;
+  double *unused;
+  msim_status status = assimp_obj_find_unused(host, path, &nunused, &unused);
+  if (!status) status = add_arrays(host, scene, nunused, unused, tree);
+  free(unused);
+  return status;
 }
 
 /* libassimp would try to read a folder, or a device without end. */
@@ -254,7 +270,7 @@ static msim_status load(const msim_host *host, const char *path, const msim_tree
   const struct aiScene *scene = import(host, path, &status);
   host->unlock(host);
   if (!scene) return status;
-  if (scene->mRootNode) status = add_arrays(host, scene, tree);
+  if (scene->mRootNode) status = add_with_unused(host, path, scene, tree);
   else {
     host->fail(host, "it contains no nodes");
     status = MSIM_ERR_ARG;
