@@ -159,7 +159,7 @@ static double cluster_mode(const ms_coarse *c, int32_t of, int32_t at) {
   return (double)c->cycle.modes[16 * k + 4 * (at % 4) + of % 4];
 }
 
-/* z += w D^-1 r */
+/* z += w D^-1 r, w = 0.95 */
 static void smooth(const dense *m, int32_t block, const double *r, double *z) {
   for (int32_t k = 0; k < m->n; k += block) {
     dense d = zeros(block);
@@ -169,12 +169,12 @@ static void smooth(const dense *m, int32_t block, const double *r, double *z) {
       for (int32_t j = 0; j < block; j++) d.a[i * block + j] = m->a[(k + i) * m->n + k + j];
     }
     solve(&d, x);
-    for (int32_t i = 0; i < block; i++) z[k + i] += 0.8 * x[i];
+    for (int32_t i = 0; i < block; i++) z[k + i] += 0.95 * x[i];
     free(d.a);
   }
 }
 
-/* z += Q (Q^T A Q)^-1 Q^T r */
+/* z += f Q (Q^T A Q)^-1 Q^T r, f = 1.25 */
 static void correct(const ms_coarse *c, const dense *m, const double *r, double *z) {
   const int32_t n = m->n, clusters = c->cycle.block * c->cycle.chol.n;
   dense product = zeros(clusters);
@@ -189,7 +189,7 @@ static void correct(const ms_coarse *c, const dense *m, const double *r, double 
   }
   solve(&product, x);
   for (int32_t i = 0; i < n; i++)
-    for (int32_t j = 0; j < clusters; j++) z[i] += cluster_mode(c, i, j) * x[j];
+    for (int32_t j = 0; j < clusters; j++) z[i] += 1.25 * cluster_mode(c, i, j) * x[j];
   free(q), free(aq), free(x), free(product.a);
 }
 
@@ -241,8 +241,9 @@ static void cycle_is_that_of_the_formula(void **state) {
   }
 }
 
-/* B, r -> z, is symmetric and positive definite, and I - B A contracts in the energy norm:
- * 0 <= 1 - x.A B A x / x.A x < 1. */
+/* B, r -> z, is symmetric and positive definite, and I - B A contracts in the energy norm. As that
+ * is (I - S A)(I - f C)(I - S A), C the projection on the clusters, and |I - S A| < 1, it is
+ * 1 - f < x.A (I - B A) x / x.A x < 1. */
 static void cycle_is_symmetric_and_contracts(void **state) {
   (void)state;
   for (int kind = 0; kind < SCENES; kind++) {
@@ -259,7 +260,7 @@ static void cycle_is_symmetric_and_contracts(void **state) {
       const double before = energy(&m, u);
       multiply(&m, u, v);
       ms_coarse_cycle_solve(cycle, NULL, v, Bv);
-      assert_true(dot(m.n, v, Bv) <= (1 + 1e-6) * before);
+      assert_true(dot(m.n, v, Bv) <= (1.25 + 1e-6) * before);
       for (int32_t i = 0; i < m.n; i++) u[i] -= Bv[i];
       assert_true(energy(&m, u) < 0.9 * before);
     }

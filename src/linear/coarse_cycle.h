@@ -1,13 +1,16 @@
 /* coarse_cycle - an approximate inverse of A = P^T A P (coarse.h) where its factor would be large
  *
  * One V-cycle with clusters of aggregates (Briggs, Henson and McCormick 2000, ch. 3 and 8):
- *     z = S r,  z += Q (Q^T A Q)^-1 Q^T (r - A z),  z += S (r - A z),
+ *     z = S r,  z += f Q (Q^T A Q)^-1 Q^T (r - A z),  z += S (r - A z),
  * with damped block Jacobi, S = w D^-1, as smoother. Q maps the 4 modes of each cluster, in terms
- * of those of its aggregates (cluster_modes.h), to these; Q^T A Q is factored. The map r -> z is
- *     2 S - S A S + T (Q^T A Q)^-1 T^T,  T = (I - S A) Q,
- * which is symmetric, and positive definite for w < 2 / lambda_max(D^-1 A). As springs with t < 0
- * are left out, and each spring acts on the difference of the motions of two aggregates at most,
- * A <= 2 D (|a - b|^2 <= 2 |a|^2 + 2 |b|^2), so that each w < 1 will do.
+ * of those of its aggregates (cluster_modes.h), to these; Q^T A Q is factored. As Q is not smooth
+ * at the borders of clusters, its modes are stiffer than the motions that they stand for, and a
+ * factor f > 1 enlarges the correction, which would be too small (Braess 1995). The map r -> z is
+ *     2 S - S A S + f T (Q^T A Q)^-1 T^T,  T = (I - S A) Q,
+ * which is symmetric, and positive definite for w < 2 / lambda_max(D^-1 A); its product with A has
+ * eigenvalues of at most f. As springs with t < 0 are left out, and each spring acts on the
+ * difference of the motions of two aggregates at most, A <= 2 D (|a - b|^2 <= 2 |a|^2 + 2 |b|^2),
+ * so that each w < 1 will do.
  *
  * It computes in the units of D = L L^T, in which A becomes I + N, N = L^-1 (A - D) L^-T, and all
  * numbers of N are within [-1, 1]. There rounding is harmless however stiff springs are: the map
@@ -19,8 +22,9 @@
 #include "linear/aggregates.h"
 #include "linear/block_cholesky.h"
 
-/* w. Cloths take the fewest iterations near 0.8. */
-#define MS_COARSE_CYCLE_DAMPING 0.8
+/* w and f. Cloths and solids take the fewest iterations near these. */
+#define MS_COARSE_CYCLE_DAMPING         0.95
+#define MS_COARSE_CYCLE_OVER_CORRECTION 1.25
 
 typedef struct ms_coarse_cycle {
   int32_t n, block;    /* aggregates, 0: there is no cycle; scalars of each */
@@ -40,7 +44,7 @@ typedef struct ms_coarse_cycle {
   float *modes;        /* 16 n, likewise: Q, cluster_modes.h */
   ms_block_cholesky chol; /* of Q^T A Q */
   float *r, *z;           /* block n: L^-1 r; L^T z */
-  double *c;              /* block chol.n: Q^T (r - A z), then the correction by clusters */
+  double *c;              /* block chol.n: f Q^T (r - A z), then the correction by clusters */
   const struct ms_coarse_cycle_kernels *kernels;
 } ms_coarse_cycle;
 

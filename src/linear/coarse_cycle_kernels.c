@@ -107,7 +107,8 @@ MS_INLINE void restrict_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {
                    sums);
   }
   for (size_t q = 0; q < n / 4; q++)
-    ms_simd_store_quad(s->c + n * (size_t)cluster + 4 * q, total(sums + 4 * q));
+    ms_simd_store_quad(s->c + n * (size_t)cluster + 4 * q,
+                       MS_COARSE_CYCLE_OVER_CORRECTION * total(sums + 4 * q));
 }
 
 MS_INLINE void correct_of(size_t n, ms_coarse_cycle *s, int32_t cluster) {

@@ -12,7 +12,7 @@ typedef struct ms_coarse_cycle_kernels {
   void (*add_products)(ms_coarse_cycle *cycle, int32_t cluster);
   /* r = L^-1 of the caller's r */
   void (*scale)(ms_coarse_cycle *cycle, const double *r, int32_t p);
-  /* c = Q^T of the residual after the first smoothing */
+  /* c = f Q^T of the residual after the first smoothing */
   void (*restrict_cluster)(ms_coarse_cycle *cycle, int32_t cluster);
   /* z = that smoothing, and the correction */
   void (*correct_cluster)(ms_coarse_cycle *cycle, int32_t cluster);
