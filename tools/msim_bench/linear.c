@@ -14,7 +14,10 @@ typedef struct linear_plan {
   int everything;        /* 0: time the main case only (SOFT and MAIN_STEP) */
   int largest_compared;  /* largest side of a cloth in which solvers are compared */
   timing_limits first, others, busy, pairs; /* first: of the main case; pairs: of summary keys */
-  int variants;                             /* of a reference program */
+  /* Consecutive steps of cloths and of jellies in a paired timing: factorizations are never reused
+   * in a cloth, but in a jelly, which swings through almost half a period in 48 steps. */
+  int series[2];
+  int variants;                       /* of a reference program */
   cost_limits limits, stock, compare; /* for timed solvers, SUNDIALS' own PCG, compared solvers */
 } linear_plan;
 
@@ -26,6 +29,7 @@ static const linear_plan plans[] = {
      .others = {.budget = 10, .min_rounds = 3, .max_rounds = MAX_ROUNDS - 1},
      .busy = {.budget = 20, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
      .pairs = {.budget = 16, .min_rounds = 5, .max_rounds = MAX_ROUNDS - 1},
+     .series = {8, 48},
      .variants = REFERENCE_VARIANTS,
      .limits = {.flops = 2e9, .products = 40000, .restarted = 1000},
      .stock = {.products = 6000},
@@ -34,6 +38,7 @@ static const linear_plan plans[] = {
      .largest_compared = 32,
      .first = {.budget = 1, .min_rounds = 1, .max_rounds = 20},
      .pairs = {.budget = 1.5, .min_rounds = 3, .max_rounds = 20},
+     .series = {4, 16},
      .busy = {.budget = 3, .min_rounds = 2, .max_rounds = 10},
      .variants = 1,
      .limits = {.flops = 5e8, .products = 4000, .restarted = 400},
@@ -212,6 +217,7 @@ int bench_linear(bench_run *run) {
   const bench_options *options = run->options;
   linear_bench b = {.run = run, .report = run->report, .plan = &plans[options->quick]};
   b.pair_limits = limits_until(b.plan->pairs, run->until);
+  b.pair_series = b.plan->series;
   background_load_start(&b.load);
   find_references(&b);
   find_solvers(&b);

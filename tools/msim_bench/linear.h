@@ -18,6 +18,7 @@ typedef struct linear_bench {
   reference_program cholmod, sundials;
   background_load load;
   timing_limits pair_limits;
+  const int *pair_series; /* consecutive steps of cloths and of jellies in a paired timing */
   /* For soft and for stiff springs: the largest difference of a velocity in m/s, how many were to
    * be measured, how many were. */
   struct disagreement_summary {

@@ -41,15 +41,20 @@ static void report_slowdown(report *out, const solver_comparison *r, const timin
   const double slowdown = median_ratio(busy, whole_seconds, idle, whole_seconds);
   const double idle_ms = 1e3 * median_of(idle, whole_seconds),
                busy_ms = 1e3 * median_of(busy, whole_seconds);
+  const timing_candidate *failed = idle->failed ? idle : busy->failed ? busy : NULL;
   char ratio[48];
   add_step_row(
       out, "busy", r->moving, r->system.h,
       FIELDS(TEXT("solver", idle->name),
-             TEXT("status", busy->failed || idle->failed ? "failed" : "ok"),
-             TEXT("reason", busy->failed ? busy->reason : NULL), INTEGER("busy_cores", cores),
-             REAL("idle_ms", idle_ms), REAL("idle_spread", spread_of(idle, whole_seconds)),
-             REAL("busy_ms", busy_ms), REAL("busy_spread", spread_of(busy, whole_seconds)),
-             REAL("slowdown", slowdown)));
+             TEXT("status", failed               ? "failed"
+                            : isfinite(slowdown) ? "ok"
+                                                 : "left out"),
+             TEXT("reason", failed               ? failed->reason
+                            : isfinite(slowdown) ? NULL
+                                                 : NO_TIME),
+             INTEGER("busy_cores", cores), REAL("idle_ms", idle_ms),
+             REAL("idle_spread", spread_of(idle, whole_seconds)), REAL("busy_ms", busy_ms),
+             REAL("busy_spread", spread_of(busy, whole_seconds)), REAL("slowdown", slowdown)));
   if (isfinite(slowdown))
     printf(" %-19s %7.4g ms idle, %7.4g ms with %d busy core%s: %.3g times as long\n", idle->name,
            idle_ms, busy_ms, cores, cores == 1 ? "" : "s", slowdown);

@@ -85,10 +85,7 @@ static void measure_pair(linear_bench *b, solver_comparison *r, const struct tim
   fflush(stdout);
 }
 
-/* Factorizations are never reused in a cloth, but in a jelly, which swings through almost half a
- * period in 0.8 s. */
 static void measure_pairs(void *bench, moving_scene *m, double h) {
-  enum { CLOTH_SERIES = 8, JELLY_SERIES = 48 };
   linear_bench *b = bench;
   msim_error err;
   solver_comparison *r = solver_comparison_create(m, h, 1e-6, 1, &err);
@@ -96,7 +93,7 @@ static void measure_pairs(void *bench, moving_scene *m, double h) {
     report_left_out(b->report, "pair", m, h, "all", err.text);
     return;
   }
-  r->series = m->kind->solid ? JELLY_SERIES : CLOTH_SERIES;
+  r->series = b->pair_series[m->kind->solid];
   r->until = b->run->until;
   for (size_t i = 0; i < sizeof pairs / sizeof *pairs && !is_interrupted(); i++) {
     const char *key = case_key(b->report, pairs[i].ratio, m->kind->name, m->k, h);
