@@ -158,9 +158,10 @@ static int32_t split(grid *g, int32_t n, int32_t npatches, int32_t nranks) {
 /* Of 16 x 32 m: four times 8 x 16 m, then sixteen times 4 x 8 m */
 static void patches_are_split_into_equal_boxes(void **state) {
   (void)state;
-  static const int32_t ranks[] = {2, 8, 17, 32, 64, 65, 1000}, expected[] = {16, 16, 7, 4, 2, 1, 1};
+  static const int32_t ranks[] = {2, 8, 9, 17, 64, 65, 128, 129, 1000},
+                       expected[] = {16, 16, 14, 8, 4, 3, 2, 1, 1};
   static grid g;
-  for (int r = 0; r < 7; r++) {
+  for (int r = 0; r < 9; r++) {
     int32_t items[MS_MOST_PATCHES] = {0}, of_box[16];
     make_grid(&g);
     assert_int_equal(split(&g, ITEMS, 1, ranks[r]), expected[r]);
@@ -172,7 +173,25 @@ static void patches_are_split_into_equal_boxes(void **state) {
       assert_int_equal(g.of[i], of_box[box]);
     }
     for (int32_t p = 0; p < expected[r]; p++)
-      if (expected[r] != 7) assert_int_equal(items[p], ITEMS / expected[r]);
+      if (ITEMS % expected[r] == 0) assert_int_equal(items[p], ITEMS / expected[r]);
+  }
+}
+
+/* Patches of 48 items and more are split into up to 64 of a rank and 256 of all. */
+static void large_patches_are_split_further(void **state) {
+  (void)state;
+  enum { MOST = 4096 };
+  static const struct {
+    int32_t items, nranks, expected;
+  } cases[] = {{MOST, 2, 64}, {MOST, 4, 64}, {MOST, 5, 51}, {MOST, 16, 16}, {MOST, 256, 1},
+               {1024, 2, 32}, {768, 2, 32},  {767, 2, 31},  {767, 16, 16},  {736, 2, 16}};
+  static int32_t particle[MOST], of[MOST];
+  static double x[3 * MOST];
+  for (int32_t i = 0; i < MOST; i++) particle[i] = i, x[3 * i] = i;
+  for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+    const ms_rank_places at = {.n = cases[c].items, .particle = particle, .x = x};
+    memset(of, 0, sizeof of);
+    assert_int_equal(ms_rank_patches_split(1, cases[c].nranks, at, of), cases[c].expected);
   }
 }
 
@@ -210,6 +229,7 @@ static void equal_and_extreme_places(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(patches_are_split_into_equal_boxes),
+      cmocka_unit_test(large_patches_are_split_further),
       cmocka_unit_test(small_patches_are_not_split),
       cmocka_unit_test(equal_and_extreme_places),
       cmocka_unit_test(affine_motions_are_left_to_the_modes_of_ranks),

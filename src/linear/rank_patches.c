@@ -100,11 +100,16 @@ static int32_t find_most_items(int32_t npatches, const ms_rank_places *at, const
   return most;
 }
 
+/* Patches up to which those of `items` items are split: of a rank, and of all. In small scenes the
+ * matrix of all patches would take more time than it saves. */
+static int32_t most_patches(int32_t items, int32_t nranks) {
+  enum { LEAST = 8, LARGE = 48 };
+  const int32_t most = items < LARGE ? 16 : MS_MOST_PATCHES, of_all = items < LARGE ? 128 : 256;
+  return items < LEAST ? 0 : most < of_all / nranks ? most : of_all / nranks;
+}
+
 int32_t ms_rank_patches_split(int32_t npatches, int32_t nranks, ms_rank_places at, int32_t *of) {
-  /* patches of all ranks; items of one that is split: in small scenes the matrix of all patches
-   * would take more time than it saves */
-  enum { MOST_OF_ALL = 128, LEAST = 8 };
-  for (; npatches < MS_MOST_PATCHES && npatches < MOST_OF_ALL / nranks; npatches++) {
+  for (; npatches < MS_MOST_PATCHES; npatches++) {
     const int32_t split = find_most_items(npatches, &at, of);
     extent longest = find_extent(&at, of, split, 0);
     size_t axis = 0;
@@ -112,7 +117,7 @@ int32_t ms_rank_patches_split(int32_t npatches, int32_t nranks, ms_rank_places a
       const extent e = find_extent(&at, of, split, c);
       if (e.high - e.low > longest.high - longest.low) longest = e, axis = c;
     }
-    if (longest.n < LEAST || !(longest.high > longest.low)) break;
+    if (npatches >= most_patches(longest.n, nranks) || !(longest.high > longest.low)) break;
     /* below the highest one also where the mean is rounded up */
     const double cut = fmin(longest.sum / longest.n, nextafter(longest.high, longest.low));
     for (int32_t i = 0; i < at.n; i++)

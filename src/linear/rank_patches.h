@@ -15,7 +15,7 @@
 
 #include "linear/aggregates.h"
 
-enum { MS_MOST_PATCHES = 16, MS_MOST_BODIES = 8 }; /* of a rank */
+enum { MS_MOST_PATCHES = 64, MS_MOST_BODIES = 8 }; /* of a rank */
 
 /* Places of n items: item i at the position x of particle[i] in the scene */
 typedef struct ms_rank_places {
