@@ -9,13 +9,13 @@
 #include "msim/backend.h"
 #include "testing.h"
 
-/* A horizontal square cloth of side 1 m and 0.3 kg with side^2 particles, two corners pinned. */
-static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) {
-  const int32_t corners[2] = {0, side - 1};
+/* A horizontal cloth of 1 m x 1 m and 0.3 kg, two corners pinned. */
+static inline msim_scene *hanging_sheet(int32_t rows, int32_t columns, double k, double damping) {
+  const int32_t corners[2] = {0, columns - 1};
   const double g[3] = {0, 0, -9.81};
   const msim_cloth cloth = {.size = sizeof cloth,
-                            .rows = side,
-                            .columns = side,
+                            .rows = rows,
+                            .columns = columns,
                             .row = {0, 1, 0},
                             .column = {1, 0, 0},
                             .mass = 0.3,
@@ -30,6 +30,10 @@ static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) 
   assert_ok(msim_scene_add_cloth(scene, &cloth, err));
   assert_ok(msim_scene_set_gravity(scene, g, err));
   return scene;
+}
+
+static inline msim_scene *hanging_cloth(int32_t side, double k, double damping) {
+  return hanging_sheet(side, side, k, damping);
 }
 
 /* A cube of 1 kg with side^3 particles, pinned in the layer of that z index. */

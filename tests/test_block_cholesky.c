@@ -85,7 +85,7 @@ static void free_matrix(matrix *m) { free(m->linked), free(m->ptr), free(m->ind)
 static ms_block_cholesky analyse(const matrix *m, int isa) {
   ms_block_cholesky chol;
   const ms_sparse_graph graph = {m->n, m->ptr, m->ind};
-  assert_ok(ms_block_cholesky_create(libc_memory(), &graph, m->block, isa, &chol, err));
+  assert_ok(ms_block_cholesky_create(libc_memory(), &graph, m->block, isa, INFINITY, &chol, err));
   chol.value = calloc(ms_block_cholesky_size(&chol), sizeof *chol.value);
   return chol;
 }
@@ -261,6 +261,23 @@ static void a_star_fills_nothing(void **state) {
   free_matrix(&m);
 }
 
+static void factors_that_are_too_large_are_not_created(void **state) {
+  (void)state;
+  matrix m = make(GRID, 60, 12);
+  const ms_sparse_graph graph = {m.n, m.ptr, m.ind};
+  ms_block_cholesky chol = analyse(&m, ms_isa_choose());
+  const double size = (double)ms_block_cholesky_size(&chol);
+  discard(&chol);
+  for (int more = -1; more <= 1; more++) {
+    assert_ok(ms_block_cholesky_create(libc_memory(), &graph, m.block, ms_isa_choose(), size + more,
+                                       &chol, err));
+    assert_int_equal(chol.n, more < 0 ? 0 : m.n);
+    assert_true((double)ms_block_cholesky_size(&chol) == (more < 0 ? 0 : size));
+    ms_block_cholesky_destroy(libc_memory(), &chol);
+  }
+  free_matrix(&m);
+}
+
 /* The matrix of many separate bodies of two block rows each. */
 static double seconds_for_pairs(int32_t n) {
   int32_t *ptr = calloc((size_t)n + 1, sizeof *ptr), *ind = calloc((size_t)n, sizeof *ind);
@@ -268,7 +285,8 @@ static double seconds_for_pairs(int32_t n) {
   for (int32_t i = 0; i < n; i++) ptr[i + 1] = i + 1, ind[i] = i ^ 1;
   const clock_t start = clock();
   const ms_sparse_graph graph = {n, ptr, ind};
-  assert_ok(ms_block_cholesky_create(libc_memory(), &graph, 8, ms_isa_choose(), &chol, err));
+  assert_ok(
+      ms_block_cholesky_create(libc_memory(), &graph, 8, ms_isa_choose(), INFINITY, &chol, err));
   const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
   assert_int_equal(chol.first[n], n + n / 2);
   ms_block_cholesky_destroy(libc_memory(), &chol);
@@ -365,7 +383,7 @@ static msim_status factor_within(const msim_allocator *alloc, void *data) {
   ms_block_cholesky chol;
   msim_error why = {0, ""};
   const msim_status status =
-      ms_block_cholesky_create(alloc, &graph, m->block, ms_isa_choose(), &chol, &why);
+      ms_block_cholesky_create(alloc, &graph, m->block, ms_isa_choose(), INFINITY, &chol, &why);
   if (status) assert_non_null(strstr(why.text, "coarse"));
   ms_block_cholesky_destroy(alloc, &chol);
   return status;
@@ -382,6 +400,7 @@ static void memory_that_ends_is_reported(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(it_is_the_cholesky_factor),
                                      cmocka_unit_test(a_star_fills_nothing),
+                                     cmocka_unit_test(factors_that_are_too_large_are_not_created),
                                      cmocka_unit_test(many_bodies_take_no_time),
                                      cmocka_unit_test(what_is_not_positive_definite_is_refused),
                                      cmocka_unit_test(the_whole_matrix_is_examined),

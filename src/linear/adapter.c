@@ -338,7 +338,7 @@ static msim_status create_preconditioners(adapter *self, const msim_options *opt
   if (status || !(self->table->flags & MSIM_BACKEND_TWO_LEVEL)) return status;
   if (s->a.block < rows->dims && !MS_NEW_VECTORS(s->model->scene, rows, &self->work))
     return ms_error_set_memory(err, "the linear solver");
-  return ms_pcg_create(s, opt, ms_iteration_estimate_coarse_size(s->model), &self->pcg, err);
+  return ms_pcg_create(s, opt, (ms_coarse_size){.aggregate = MS_AGGREGATE}, &self->pcg, err);
 }
 
 static msim_status adapter_set_up(adapter *self, const msim_options *opt, const char *options,

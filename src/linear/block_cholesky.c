@@ -1,5 +1,6 @@
 #include "linear/block_cholesky.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "linear/block_kernels.h"
@@ -82,10 +83,12 @@ static msim_status replace_by_neighbours(elimination_graph *e, int32_t i, int32_
   return MSIM_OK;
 }
 
-/* Eliminate all rows, always that of least degree next. blocks: number of blocks of L */
-static msim_status eliminate_by_degree(elimination_graph *e, int32_t *position, int64_t *blocks) {
+/* Eliminate all rows, always that of least degree next, unless L gets more than `most` blocks.
+ * blocks: their number */
+static msim_status eliminate_by_degree(elimination_graph *e, int64_t most, int32_t *position,
+                                       int64_t *blocks) {
   *blocks = e->n;
-  for (int32_t step = 0; step < e->n; step++) {
+  for (int32_t step = 0; step < e->n && *blocks <= most; step++) {
     const int32_t k = take_least(e);
     position[k] = step;
     *blocks += e->degree[k];
@@ -126,18 +129,21 @@ static int allocate_factor(const msim_allocator *alloc, int64_t blocks, ms_block
 }
 
 msim_status ms_block_cholesky_create(const msim_allocator *alloc, const ms_sparse_graph *graph,
-                                     int32_t block, int isa, ms_block_cholesky *chol,
+                                     int32_t block, int isa, double most, ms_block_cholesky *chol,
                                      msim_error *err) {
   const int32_t n = graph->n;
+  const int64_t most_blocks = (int64_t)fmin(most / (block * block), INT32_MAX);
   elimination_graph e = {.alloc = alloc, .n = n};
   int64_t blocks = 0;
   *chol = (ms_block_cholesky){.n = n, .block = block, .kernels = ms_block_kernels_of[isa]};
   msim_status status =
       MS_NEW(alloc, chol->position, n) ? create_elimination_graph(&e, graph) : MSIM_ERR_MEMORY;
-  if (!status) status = eliminate_by_degree(&e, chol->position, &blocks);
-  if (!status && (blocks > INT32_MAX || !allocate_factor(alloc, blocks, chol)))
+  if (!status) status = eliminate_by_degree(&e, most_blocks, chol->position, &blocks);
+  const int fits = blocks <= most_blocks;
+  if (!status && (fits ? !allocate_factor(alloc, blocks, chol) : most_blocks == INT32_MAX))
     status = MSIM_ERR_MEMORY;
-  if (!status) write_pattern(&e, chol);
+  if (!status && fits) write_pattern(&e, chol);
+  if (!status && !fits) ms_block_cholesky_destroy(alloc, chol);
   destroy_elimination_graph(&e);
   return status ? ms_error_set_memory(err, "the coarse factorization") : MSIM_OK;
 }

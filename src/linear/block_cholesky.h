@@ -23,9 +23,10 @@ typedef struct ms_block_cholesky {
   const struct ms_block_kernels *kernels;
 } ms_block_cholesky;
 
-/* block: scalars in each block row, 8 or 12; isa: base/isa.h */
+/* block: scalars in each block row, 8 or 12; isa: base/isa.h; most: if the factor would have
+ * more numbers, chol is empty */
 msim_status ms_block_cholesky_create(const msim_allocator *alloc, const ms_sparse_graph *graph,
-                                     int32_t block, int isa, ms_block_cholesky *chol,
+                                     int32_t block, int isa, double most, ms_block_cholesky *chol,
                                      msim_error *err);
 void ms_block_cholesky_destroy(const msim_allocator *alloc, ms_block_cholesky *chol);
 

@@ -1,5 +1,6 @@
 #include "linear/coarse.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "linear/coarse_angles.h"
@@ -63,9 +64,46 @@ static msim_status allocate_values(const ms_model *model, ms_coarse *coarse, msi
   return MSIM_OK;
 }
 
-static msim_status analyse(const ms_model *model, int32_t cluster, ms_coarse *coarse,
+static double most_numbers(const ms_model *model, double share) {
+  const double LITTLE = 3e5;
+  return fmax(LITTLE, share * 4.0 * MS_SLICE * model->half_edges.nentries);
+}
+
+/* Clusters get larger where their factor, which one thread applies, would have over 0.15 times as
+ * many numbers as the matrix: that costs more iterations but less time. */
+static msim_status create_cycle(const ms_model *model, const ms_sparse_graph *graph, int32_t size,
+                                ms_coarse *coarse, msim_error *err) {
+  const double most = most_numbers(model, 0.15);
+  for (;; size *= 2) {
+    const msim_status status =
+        ms_coarse_cycle_create(model, &coarse->aggregates, graph, size, &coarse->cycle, err);
+    if (status || (double)ms_block_cholesky_size(&coarse->cycle.chol) <= most) return status;
+    ms_coarse_cycle_destroy(&model->scene->alloc, &coarse->cycle);
+  }
+}
+
+/* A factor grows faster than the mesh, soonest in solids. Where it would have more than half as
+ * many numbers as the matrix, a cycle takes its place. Angular springs, which act on up to three
+ * aggregates, could make a cycle indefinite: where there are any, there is no inverse then. */
+static msim_status create_inverse(const ms_model *model, const ms_sparse_graph *graph,
+                                  int32_t cluster, ms_coarse *coarse, msim_error *err) {
+  enum { CLUSTER = 8 };
+  msim_status status = MSIM_OK;
+  if (!cluster)
+    status = ms_block_cholesky_create(&model->scene->alloc, graph, MS_MODES * model->unknowns.dims,
+                                      model->isa, most_numbers(model, 0.5), &coarse->chol, err);
+  if (!status && !coarse->chol.n && !model->angles.n)
+    status = create_cycle(model, graph, cluster ? cluster : CLUSTER, coarse, err);
+  coarse->position = coarse->cycle.n ? coarse->cycle.position : coarse->chol.position;
+  return status;
+}
+
+/* position NULL afterwards: for these aggregates there is no inverse. */
+static msim_status analyse(const ms_model *model, ms_coarse_size size, ms_coarse *coarse,
                            msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
+  msim_status status = ms_aggregates_create(model, size.aggregate, &coarse->aggregates, err);
+  if (status) return status;
   const int32_t n = coarse->aggregates.n;
   ms_sparse_graph graph = {.n = n};
   int32_t *mark = NULL, *list = NULL;
@@ -74,19 +112,12 @@ static msim_status analyse(const ms_model *model, int32_t cluster, ms_coarse *co
   if (fits) list_graph(model, &coarse->aggregates, mark, list, &graph);
   fits = fits && MS_NEW(alloc, graph.ind, graph.ptr[n]);
   if (fits) list_graph(model, &coarse->aggregates, mark, list, &graph);
-  msim_status status;
-  if (!fits) status = ms_error_set_memory(err, "the coarse matrix");
-  else if (cluster)
-    status =
-        ms_coarse_cycle_create(model, &coarse->aggregates, &graph, cluster, &coarse->cycle, err);
-  else
-    status = ms_block_cholesky_create(alloc, &graph, MS_MODES * model->unknowns.dims, model->isa,
-                                      &coarse->chol, err);
-  coarse->position = cluster ? coarse->cycle.position : coarse->chol.position;
-  if (!status && model->rank_model)
+  status = fits ? create_inverse(model, &graph, size.cluster, coarse, err)
+                : ms_error_set_memory(err, "the coarse matrix");
+  if (!status && coarse->position && model->rank_model)
     status = ms_coarse_overlap_create(coarse, &graph, &coarse->overlap, err);
   MS_FREE(alloc, graph.ptr, graph.ind, mark, list);
-  return status ? status : allocate_values(model, coarse, err);
+  return status;
 }
 
 /* Write the blocks of aggregate k from `to` on; NULL: count them only. Returns their number. */
@@ -124,11 +155,15 @@ msim_status ms_coarse_create(const ms_model *model, ms_coarse_size size, ms_coar
                              msim_error *err) {
   const msim_allocator *alloc = &model->scene->alloc;
   *coarse = (ms_coarse){.model = model, .kernels = ms_coarse_kernels_of[model->isa]};
-  msim_status status = ms_aggregates_create(model, size.aggregate, &coarse->aggregates, err);
+  msim_status status = analyse(model, size, coarse, err);
+  for (; !status && !coarse->position; size.aggregate *= 2) {
+    ms_aggregates_destroy(model, &coarse->aggregates);
+    status = analyse(model, (ms_coarse_size){.aggregate = 2 * size.aggregate}, coarse, err);
+  }
   if (!status)
     status = ms_restriction_create(model, &coarse->aggregates, &coarse->restriction, err);
   if (!status) status = keep_modes(model, coarse, err);
-  if (!status) status = analyse(model, size.cluster, coarse, err);
+  if (!status) status = allocate_values(model, coarse, err);
   if (status) return status;
   const size_t n = (size_t)coarse->aggregates.n * MS_MODES * (size_t)model->unknowns.dims;
   if (!MS_NEW(alloc, coarse->first_block, (size_t)coarse->aggregates.n + 1) ||

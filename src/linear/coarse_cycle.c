@@ -101,7 +101,7 @@ static msim_status analyse_clusters(const ms_model *model, const ms_sparse_graph
   fits = fits && MS_NEW(alloc, links.ind, links.ptr[clusters]);
   if (fits) list_cluster_graph(s, graph, mark, &links);
   const msim_status status =
-      fits ? ms_block_cholesky_create(alloc, &links, s->block, model->isa, &s->chol, err)
+      fits ? ms_block_cholesky_create(alloc, &links, s->block, model->isa, INFINITY, &s->chol, err)
            : ms_error_set_memory(err, "the coarse matrix");
   MS_FREE(alloc, links.ptr, links.ind, mark);
   return status;

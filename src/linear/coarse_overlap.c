@@ -1,5 +1,6 @@
 #include "linear/coarse_overlap.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/ranks.h"
@@ -77,8 +78,9 @@ static msim_status create_matrix(const ms_coarse *coarse, struct ms_coarse_overl
     for (int32_t other = 0; other < q->n; other++)
       if (is_linked[p][other]) ind[ptr[p + 1]++] = other;
   }
-  const msim_status status = ms_block_cholesky_create(
-      alloc, &graph, MS_MODES * coarse->model->unknowns.dims, coarse->model->isa, &q->chol, err);
+  const msim_status status =
+      ms_block_cholesky_create(alloc, &graph, MS_MODES * coarse->model->unknowns.dims,
+                               coarse->model->isa, INFINITY, &q->chol, err);
   const size_t size = ms_block_cholesky_size(&q->chol);
   if (status) return status;
   if (!MS_NEW(alloc, q->matrix, 2 * size)) return ms_error_set_memory(err, WHAT);

@@ -33,38 +33,14 @@ static double estimate_condition(const ms_model *model, double h) {
   return 1 + 4 * springs / fmax(1, model->unknowns.nfree) * worst;
 }
 
-enum { MEDIUM = 12000, LARGE = 60000 }; /* unknowns */
-
-/* Small aggregates save iterations, but the cost of the coarse factor grows faster than the number
- * of unknowns. LARGE systems get a cycle instead, unless angular springs, which act on up to three
- * aggregates, could make it indefinite. */
-ms_coarse_size ms_iteration_estimate_coarse_size(const ms_model *model) {
-  const int32_t rows = model->unknowns.nfree;
-  if (rows >= LARGE && !model->angles.n) return (ms_coarse_size){.aggregate = 64, .cluster = 8};
-  return (ms_coarse_size){.aggregate = rows < MEDIUM   ? 64
-                                       : rows < LARGE  ? 128
-                                       : rows < 500000 ? 192
-                                                       : 256};
-}
-
-/* With MANY iterations per factor aggregates are smaller. So they are where each of several ranks
- * factors a MEDIUM part of the coarse matrix, which costs less; small solids would lose by it. */
-static ms_coarse_size choose_coarse_size(const ms_model *model, double iterations) {
-  const double MANY = 75;
-  ms_coarse_size size = ms_iteration_estimate_coarse_size(model);
-  const int factors_part = model->shape.ranks && model->unknowns.nfree >= MEDIUM && !size.cluster;
-  if (iterations > MANY || factors_part) size.aggregate = size.aggregate * 3 / 4;
-  return size;
-}
-
 ms_iteration_estimate ms_iteration_estimate_compute(const ms_model *model, double h, double rtol) {
   /* the costs of an iteration with a coarse space and of its setup, in iterations without one */
-  const double ITERATION_COST = 2, SETUP_COST = 15;
+  const double ITERATION_COST = 2, SETUP_COST = 15, MANY = 75;
   const double kappa = estimate_condition(model, h), digits = log(2 / rtol);
   ms_iteration_estimate p = {.kappa = kappa,
                              .one_level = 0.08 * sqrt(kappa) * digits,
                              .two_level = 0.8 * pow(kappa, 0.125) * digits};
   if (p.one_level > ITERATION_COST * p.two_level + SETUP_COST)
-    p.coarse = choose_coarse_size(model, p.two_level);
+    p.aggregate = p.two_level > MANY ? MS_AGGREGATE * 3 / 4 : MS_AGGREGATE;
   return p;
 }

@@ -14,11 +14,10 @@
 typedef struct ms_iteration_estimate {
   double kappa;
   double one_level, two_level; /* iterations */
-  ms_coarse_size coarse;       /* without aggregates where a coarse space is not cost-effective */
+  int32_t aggregate; /* unknowns in one of the coarse space; 0: that is not cost-effective */
 } ms_iteration_estimate;
 
-/* If a coarse space is used in any case */
-ms_coarse_size ms_iteration_estimate_coarse_size(const ms_model *model);
+enum { MS_AGGREGATE = 64 }; /* if a coarse space is used in any case */
 
 ms_iteration_estimate ms_iteration_estimate_compute(const ms_model *model, double h, double rtol);
 

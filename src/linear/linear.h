@@ -89,7 +89,8 @@ msim_status ms_diagonal_create(const ms_linear_system *system, ms_linear **linea
 /* A coarse space (coarse.h) */
 typedef struct ms_coarse_size {
   int32_t aggregate; /* unknowns in an aggregate, approximately; 0: there is none */
-  int32_t cluster;   /* aggregates in a cluster of the cycle; 0: P^T A P is factored */
+  int32_t cluster;   /* aggregates in a cluster of the cycle; 0: there is none where the factor of
+                        P^T A P would be small */
 } ms_coarse_size;
 
 /* Matrix-free conjugate gradients with block Jacobi and a coarse space */

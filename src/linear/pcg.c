@@ -447,24 +447,6 @@ static msim_status create_vectors(ms_pcg *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* In solids a factor grows faster than the mesh. Where that of aggregates has more than half as
- * many numbers as the matrix, or that of clusters, which one thread applies, over 0.15 times as
- * many, larger ones cost more iterations but less time. */
-static msim_status create_coarse(ms_pcg *s, ms_coarse_size size, msim_error *err) {
-  const double LITTLE = 1e6, SHARE = size.cluster ? 0.15 : 0.5;
-  int32_t *growing = size.cluster ? &size.cluster : &size.aggregate;
-  const ms_model *model = s->base.system->model;
-  for (;; *growing *= 2) {
-    msim_status status = ms_coarse_create(model, size, &s->coarse, err);
-    const ms_block_cholesky *chol = size.cluster ? &s->coarse.cycle.chol : &s->coarse.chol;
-    if (status) return status;
-    const double factor = (double)ms_block_cholesky_size(chol);
-    const double matrix = 4.0 * MS_SLICE * model->half_edges.nentries;
-    if (factor <= fmax(SHARE * matrix, LITTLE)) return MSIM_OK;
-    ms_coarse_destroy(&s->coarse);
-  }
-}
-
 static void set_model(ms_linear *base) {
   ms_pcg *s = (ms_pcg *)base;
   if (s->compression.model) s->compression.model = base->system->model;
@@ -491,7 +473,7 @@ msim_status ms_pcg_create(const ms_linear_system *system, const msim_options *op
   s->base = (ms_linear){.ops = &ops, .system = system, .name = "pcg"};
   s->may_reuse_coarse = !(opt->skip_off & MSIM_SKIP_KEPT_FACTOR);
   msim_status status = pcg_allocate(s, err);
-  if (!status && size.aggregate) status = create_coarse(s, size, err);
+  if (!status && size.aggregate) status = ms_coarse_create(model, size, &s->coarse, err);
   if (!status) status = create_vectors(s, err);
   s->base.aggregates = s->coarse.aggregates.n;
   if (status) pcg_destroy(&s->base);

@@ -141,7 +141,8 @@ static int create_matrix(const ms_sparse_graph *graph, ms_rank_modes *q) {
                links = (size_t)(graph->ptr[first + own] - graph->ptr[first]),
                message = PRODUCTS + block * (size_t)q->most;
   const int fits =
-      !ms_block_cholesky_create(alloc, graph, (int32_t)block, q->model->isa, &q->chol, NULL) &&
+      !ms_block_cholesky_create(alloc, graph, (int32_t)block, q->model->isa, INFINITY, &q->chol,
+                                NULL) &&
       MS_NEW(alloc, q->chol.value, ms_block_cholesky_size(&q->chol)) &&
       MS_NEW(alloc, q->place, blocks) && MS_NEW(alloc, q->own, (own + links) * block * block) &&
       MS_NEW(alloc, q->all, blocks * block * block) && MS_NEW(alloc, q->message, message) &&

@@ -12,7 +12,8 @@
 static msim_status choose_pcg(const ms_linear_system *system, const msim_options *opt,
                               const ms_iteration_estimate *p, const char *but,
                               ms_solver_choice *choice, msim_error *err) {
-  msim_status status = ms_pcg_create(system, opt, p->coarse, &choice->linear, err);
+  msim_status status =
+      ms_pcg_create(system, opt, (ms_coarse_size){.aggregate = p->aggregate}, &choice->linear, err);
   if (status) return status;
   const char *by = strcmp(opt->solver, "auto") == 0 ? "auto" : "selected by option solver";
   if (choice->linear->aggregates)
@@ -39,7 +40,7 @@ static double cost_of_step(const ms_linear *linear) {
 static msim_status choose_by_cost(const ms_linear_system *system, const msim_options *opt,
                                   const ms_iteration_estimate *p, ms_solver_choice *choice,
                                   msim_error *err) {
-  const double iterations = p->coarse.aggregate ? p->two_level : p->one_level;
+  const double iterations = p->aggregate ? p->two_level : p->one_level;
   const int constant = system->a.block == 1;
   const int may_fail = opt->indefinite == MSIM_INDEFINITE_SOLVE && !constant;
   if (iterations <= FEW_ITERATIONS && !may_fail && !constant)
