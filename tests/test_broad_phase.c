@@ -170,7 +170,7 @@ static int is_obstructed(const ms_collision_planes *planes, const double x[3]) {
   return 0;
 }
 
-/* The same for a point of the way from x to y */
+/* The same for a point of the path from x to y */
 static int is_way_obstructed(const ms_collision_planes *planes, const double x[3],
                              const double y[3]) {
   enum { PARTS = 16 };
@@ -244,7 +244,7 @@ static void no_particle_is_left_out(void **state) {
                                        .nsolids = scene->data->ncolliders,
                                        .solid = scene->data->solids};
     compare((ms_broad_phase){.model = &model, .planes = &whole, .x = x}, t, &at_points);
-    ms_vector_add_scaled(model.shape, x, h, v, a); /* a: where straight ways end */
+    ms_vector_add_scaled(model.shape, x, h, v, a); /* a: where straight paths end */
     compare((ms_broad_phase){.model = &model, .planes = &whole, .x = x, .x_end = a}, t, &on_ways);
     MS_FREE(&scene->data->alloc, x, v, a);
     ms_obstacles_destroy(scene->data, &o);

@@ -108,8 +108,9 @@ static void a_particle_slides_off_an_edge(void **state) {
                up[3] = {0, 0, 1};
   for (int i = 0; i < 2 * NMETHODS; i++) {
     const int is_round = i % 2;
-    const double way = is_round ? d : d / cosine, u = sqrt(speed * speed - 2 * mu * g * way);
-    const double fall = T - (speed - u) / (mu * g), far = (way + u * fall) * cosine;
+    const double distance = is_round ? d : d / cosine,
+                 u = sqrt(speed * speed - 2 * mu * g * distance);
+    const double fall = T - (speed - u) / (mu * g), far = (distance + u * fall) * cosine;
     msim_scene *scene = make_single_particle(x, v, g);
     msim_collider c = round_bar(MSIM_COLLIDER_CYLINDER, below, up, d, 0.5, mu);
     if (!is_round) c = box(0, 0, -d, 2 * d, 0.5, mu);

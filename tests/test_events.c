@@ -194,9 +194,9 @@ static void box_in_closed_form(void **state) {
     assert_ok(msim_sim_step(sim, 13, err));
     const msim_state s = state_of(sim);
     for (int c = 0; c < 3; c++) {
-      const double way = fmod(x[c] + v[c] * 1.3, 2); /* sawtooth */
-      assert_close(s.x[c], way < 1 ? way : 2 - way, 1e-13);
-      assert_close(s.v[c], way < 1 ? v[c] : -v[c], 1e-13);
+      const double distance = fmod(x[c] + v[c] * 1.3, 2); /* sawtooth */
+      assert_close(s.x[c], distance < 1 ? distance : 2 - distance, 1e-13);
+      assert_close(s.v[c], distance < 1 ? v[c] : -v[c], 1e-13);
     }
     /* x and z hit their walls together, which is one impact */
     assert_int_equal(stats_of(sim).contacts, 9 + 16);

@@ -356,12 +356,12 @@ static void a_stiff_pair_is_lifted(void **state) {
 /* A cloth on a sphere and a box, a rope over a capsule, a jelly; the sphere or the capsule moves */
 static msim_scene *bodies_on_moving_colliders(int rope) {
   const double t[4] = {0, 0.2, 0.5, 0.8},
-               way[12] = {0, 0, 0, 0.05, 0, 0.1, -0.05, 0.1, 0.02, 0, 0, 0},
+               displacement[12] = {0, 0, 0, 0.05, 0, 0.1, -0.05, 0.1, 0.02, 0, 0, 0},
                w[12] = {0, 0, 0, 0, 0, 0.3, 0.2, 0, 0.5, 0, 0, 0};
   msim_scene *scene = bodies(0.4, 0.3);
   const int32_t collider = rope ? 2 : 0;
   double x[12];
-  for (int k = 0; k < 12; k++) x[k] = scene->data->solids[collider].center[k % 3] + way[k];
+  for (int k = 0; k < 12; k++) x[k] = scene->data->solids[collider].center[k % 3] + displacement[k];
   set_motion(scene, collider, 4, t, x, w, MSIM_MOTION_CUBIC);
   return scene;
 }

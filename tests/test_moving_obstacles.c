@@ -171,11 +171,11 @@ static void normal_acceleration_is_that_of_the_distance(void **state) {
 static void spin_is_continuous_in_the_angle(void **state) {
   (void)state;
   const double limits[2] = {0.1, 0.03}, t[2] = {0, 1}, x[6] = {0}, axis[3] = {0.48, 0.6, 0.64};
-  const double fast = 8, way[3] = {fast * 0.6, fast * 0.8, 0}, dt = 1e-13;
+  const double fast = 8, turn[3] = {fast * 0.6, fast * 0.8, 0}, dt = 1e-13;
   for (int i = 0; i < 2; i++) {
     double w[6];
     ms_solid room[2];
-    for (int c = 0; c < 3; c++) w[c] = limits[i] * axis[c] - way[c] / 2, w[3 + c] = w[c] + way[c];
+    for (int c = 0; c < 3; c++) w[c] = limits[i] * axis[c] - turn[c] / 2, w[3 + c] = w[c] + turn[c];
     msim_scene *scene = new_scene();
     add(scene, sphere(0, 0, 0, 1, 1, 0), 0);
     set_motion(scene, 0, 2, t, x, w, MSIM_MOTION_LINEAR);
@@ -232,7 +232,7 @@ static void bounds_hold_in_fast_rotations(void **state) {
     set_up(&f, &seed, 1, i % 2, i % 5 ? 0.5 : 0, i % 3 ? 12 : 0.3);
     const ms_solid_bounds b = f.obstacles.bounds[0];
     const double t = between(&seed, 0, KNOT * KNOTS), time = between(&seed, 0, KNOT),
-                 way = between(&seed, 0, 1);
+                 distance = between(&seed, 0, 1);
     const ms_solid *now = place(&f, 0, t);
     const double slack = 1 + 1e-12;
     assert_true(ms_vec3_norm(now->velocity) <= slack * b.speed);
@@ -244,9 +244,9 @@ static void bounds_hold_in_fast_rotations(void **state) {
     find_material_point(&f, t + time, q, to);
     const double *met = i % 2 ? from : to; /* where it is within `way` of x */
     for (int c = 0; c < 3; c++) x[c] = now->center[c] - met[c];
-    const double nearer = fmin(1, way / ms_vec3_norm(x));
+    const double nearer = fmin(1, distance / ms_vec3_norm(x));
     for (int c = 0; c < 3; c++) x[c] = met[c] + nearer * x[c];
-    const double most = ms_moving_obstacles_bound_way(&f.planes, 0, x, way, time);
+    const double most = ms_moving_obstacles_bound_displacement(&f.planes, 0, x, distance, time);
     ms_vec3_axpy(-1, from, to);
     assert_true(ms_vec3_norm(to) <= slack * most + 1e-12);
     tear_down(&f);

@@ -1,5 +1,5 @@
 /* Tests of proximity: distances of points and triangles and of edges against a search over their
- * points, also where they are flat, parallel or without length; and collisions on straight ways
+ * points, also where they are flat, parallel or without length; and collisions on straight paths
  * against distances at many times. */
 #include <math.h>
 #include <string.h>
@@ -113,7 +113,7 @@ static void closed_forms(void **state) {
   assert_false(ms_proximity_collides(MS_POINT_TRIANGLE, x0, x1, 0.01, &at));
 }
 
-/* The least distance of 2000 times on the way */
+/* The least distance of 2000 times on the path */
 static double least_on_way(ms_feature_kind kind, double x0[4][3], double x1[4][3]) {
   double least = INFINITY;
   for (int n = 0; n <= 2000; n++) {
@@ -126,7 +126,7 @@ static double least_on_way(ms_feature_kind kind, double x0[4][3], double x1[4][3
   return least;
 }
 
-/* No way that is found free comes closer than `least`, and none is refused that stays farther away
+/* No path that is found free comes closer than `least`, and none is refused that stays farther away
  * than the distance at which the method stops. */
 static void collisions_are_found(void **state) {
   (void)state;

@@ -12,13 +12,14 @@ static msim_scene_view view_of(const msim_scene *scene) {
   return view;
 }
 
-/* Let the first n particles, pinned, move by `way` in 1 s. */
-static void move(msim_scene *scene, int32_t n, const double way[3]) {
+/* Let the first n particles, pinned, move by `displacement` in 1 s. */
+static void move(msim_scene *scene, int32_t n, const double displacement[3]) {
   const msim_scene_view view = view_of(scene);
   int32_t *pinned = malloc(sizeof *pinned * (size_t)n);
   double *x = malloc(2 * sizeof *x * 3 * (size_t)n), t[2] = {0, 1};
   for (int32_t i = 0; i < n; i++) pinned[i] = i;
-  for (int32_t i = 0; i < 3 * n; i++) x[i] = view.x[i], x[3 * n + i] = view.x[i] + way[i % 3];
+  for (int32_t i = 0; i < 3 * n; i++)
+    x[i] = view.x[i], x[3 * n + i] = view.x[i] + displacement[i % 3];
   const msim_motion motion = {
       .size = sizeof motion, .n = n, .particles = pinned, .nt = 2, .t = t, .x = x};
   assert_ok(msim_scene_pin(scene, n, pinned, err));

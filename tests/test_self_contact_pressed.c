@@ -94,8 +94,8 @@ static void solid_is_squeezed(void **state) {
     double *x = malloc(2 * sizeof *x * 3 * (size_t)lower), t[2] = {0, 0.5};
     for (int32_t i = 0; i < lower; i++) pinned[i] = i;
     for (int32_t i = 0; i < 3 * lower; i++) {
-      const double way = i % 3 != 2 ? 0 : i < 3 * upper ? -0.06 : 0.06;
-      x[i] = view.x[i], x[3 * lower + i] = view.x[i] + way;
+      const double displacement = i % 3 != 2 ? 0 : i < 3 * upper ? -0.06 : 0.06;
+      x[i] = view.x[i], x[3 * lower + i] = view.x[i] + displacement;
     }
     const msim_motion motion = {
         .size = sizeof motion, .n = lower, .particles = pinned, .nt = 2, .t = t, .x = x};

@@ -7,10 +7,10 @@
 
 MS_TABLES(ms_bounds_kernels);
 
-/* Some particles lie in the box |x_c - middle_c| <= half_c, and move by `way` at most. */
+/* Some particles lie in the box |x_c - middle_c| <= half_c, and move by `displacement` at most. */
 typedef struct region {
   double middle[3], half[3]; /* m */
-  double way;                /* m */
+  double displacement;       /* m */
 } region;
 
 /* The box of a vector in some rows, in space */
@@ -33,7 +33,7 @@ static double bound_length(const ms_broad_phase *b, const double *vec, int32_t b
 }
 
 static region bound_rows(const ms_broad_phase *b, int32_t begin, int32_t end) {
-  region of = {.way = 0};
+  region of = {.displacement = 0};
   double low[3], high[3], least[3], most[3];
   bound_vector(b, b->x, begin, end, low, high);
   if (b->x_end) bound_vector(b, b->x_end, begin, end, least, most);
@@ -42,7 +42,7 @@ static region bound_rows(const ms_broad_phase *b, int32_t begin, int32_t end) {
   for (int c = 0; c < 3; c++)
     of.middle[c] = 0.5 * (low[c] + high[c]), of.half[c] = 0.5 * (high[c] - low[c]);
   if (b->v)
-    of.way =
+    of.displacement =
         b->h * (bound_length(b, b->v, begin, end) + 0.5 * b->h * bound_length(b, b->a, begin, end));
   return of;
 }
@@ -54,7 +54,7 @@ static int may_touch(const ms_broad_phase *b, const region *of) {
   const ms_collision_planes *planes = b->planes;
   const double across = ms_vec3_norm(of->half), size = ms_vec3_norm(of->middle) + across;
   const double farthest[3] = {size, 0, 0};
-  const double reach = of->way + ms_impacts_distance_tolerance(planes, farthest);
+  const double reach = of->displacement + ms_impacts_distance_tolerance(planes, farthest);
   for (const msim_plane *p = planes->plane; p < planes->plane + planes->n - planes->nsolids; p++) {
     const double *n = p->normal;
     const double depth =
@@ -65,8 +65,8 @@ static int may_touch(const ms_broad_phase *b, const region *of) {
   for (int32_t i = 0; i < planes->nsolids; i++) {
     const ms_solid *solid = &planes->solid[i];
     const double s = ms_signed_distance_bound(solid, of->middle, of->half);
-    const double moved =
-        ms_moving_obstacles_bound_way(planes, i, of->middle, across + of->way, b->h);
+    const double moved = ms_moving_obstacles_bound_displacement(planes, i, of->middle,
+                                                                across + of->displacement, b->h);
     if (!(ms_obstacles_bound_distance(solid, s) > reach + moved + ROUNDING * (size + solid->reach)))
       return 1;
   }

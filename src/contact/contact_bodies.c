@@ -21,7 +21,7 @@ void ms_contact_bodies_separate(ms_contact_bodies *b) {
   for (int32_t i = 0; i <= b->body.n; i++) b->parent[i] = i, b->touches[i] = 0;
 }
 
-/* The group of a body: the root of its tree, whose paths are halved on the way. */
+/* The group of a body: the root of its tree, whose paths are halved by the search. */
 static int32_t find_group(ms_contact_bodies *b, int32_t row) {
   const int32_t body = row >= 0 ? ms_momentum_find_component(&b->body, row) : -1;
   int32_t i = body >= 0 ? body : b->body.n;

@@ -90,7 +90,7 @@ typedef struct approach {
   double at[3];     /* where the point of the solid at the unknown has moved */
   double normal[3]; /* of the solid there */
   double gap;       /* m: the distance there */
-  double end;       /* m: the distance after the relative way h v */
+  double end;       /* m: the distance after the relative displacement h v */
 } approach;
 
 /* 1: an unknown at x, with velocity v, may end in solid i, which curves outwards. c: its contact;
@@ -100,12 +100,12 @@ static int approaches(const ms_stepper *s, const ms_contact *c, double g, int32_
   const ms_solid *solid = &s->events->near.solid[i];
   if (c && c->on.n >= MS_MAX_INDEPENDENT_PLANES) return 0;
   if (solid->inside || ms_solid_contact_contains(s, c, i)) return 0;
-  double moved[3] = {0}, way[3];
-  ms_solid_contact_add_way(s, i, x, moved);
-  for (int k = 0; k < 3; k++) to->at[k] = x[k] + moved[k], way[k] = s->h * v[k] - moved[k];
+  double moved[3] = {0}, displacement[3];
+  ms_solid_contact_add_displacement(s, i, x, moved);
+  for (int k = 0; k < 3; k++) to->at[k] = x[k] + moved[k], displacement[k] = s->h * v[k] - moved[k];
   to->gap = ms_signed_distance(solid, to->at, to->normal);
-  if (to->gap > 2 * (ms_vec3_norm(way) + s->h * s->h * g)) return 0;
-  to->end = to->gap + ms_vec3_dot(to->normal, way);
+  if (to->gap > 2 * (ms_vec3_norm(displacement) + s->h * s->h * g)) return 0;
+  to->end = to->gap + ms_vec3_dot(to->normal, displacement);
   return 1;
 }
 
@@ -131,8 +131,8 @@ static int32_t find_first_approach(const ms_stepper *s) {
 }
 
 /* Adds the tangent planes of solids that curve outwards in which the unknown would end, moved by
- * h v + h^2 a, a its free acceleration at the start, relative to the way of the solid. Returns the
- * number of those that it would enter even without forces. */
+ * h v + h^2 a, a its free acceleration at the start, relative to the displacement of the solid.
+ * Returns the number of those that it would enter even without forces. */
 static int add_predicted_planes(ms_stepper *s, ms_contact *c) {
   const ms_unknowns *rows = &s->model->unknowns;
   const ms_collision_planes planes = ms_contact_set_planes(s);

@@ -10,7 +10,7 @@ msim_status ms_contact_projection_create(const ms_model *model, const ms_contact
   if (!status) status = ms_jacobi_create(model, &j->a, &j->jacobi, err);
   if (status) return status;
   if (MS_NEW_VECTORS(model->scene, &model->unknowns, &j->d, &j->r, &j->z, &j->p, &j->q) &&
-      MS_NEW(&model->scene->alloc, j->way, 3 * (size_t)surface->nnodes) &&
+      MS_NEW(&model->scene->alloc, j->direction, 3 * (size_t)surface->nnodes) &&
       MS_NEW(&model->scene->alloc, j->held, surface->nnodes))
     return MSIM_OK;
   return ms_error_set_memory(err, "the contact of surfaces");
@@ -19,7 +19,7 @@ msim_status ms_contact_projection_create(const ms_model *model, const ms_contact
 void ms_contact_projection_destroy(const ms_model *model, ms_contact_projection *j) {
   ms_coefficients_destroy(model, &j->a);
   ms_jacobi_destroy(model, &j->jacobi);
-  MS_FREE(&model->scene->alloc, j->d, j->r, j->z, j->p, j->q, j->way, j->held);
+  MS_FREE(&model->scene->alloc, j->d, j->r, j->z, j->p, j->q, j->direction, j->held);
 }
 
 void ms_contact_projection_start(ms_contact_projection *j, const ms_model *model,
@@ -34,16 +34,16 @@ void ms_contact_projection_start(ms_contact_projection *j, const ms_model *model
   }
 }
 
-void ms_contact_projection_hold(ms_contact_projection *j, int32_t node, const double way[3],
-                                const double x[3], double unit) {
-  const double size = ms_vec3_norm(way),
+void ms_contact_projection_hold(ms_contact_projection *j, int32_t node,
+                                const double displacement[3], const double x[3], double unit) {
+  const double size = ms_vec3_norm(displacement),
                reaction = j->held[node].is_active ? j->held[node].reaction : 0;
   ms_surface_pair held = {.node = {node, node, node, node},
                           .is_active = 1,
                           .weight = {1},
                           .unit = unit,
                           .reaction = reaction};
-  ms_vec3_axpy(1 / size, way, held.normal);
+  ms_vec3_axpy(1 / size, displacement, held.normal);
   held.target = ms_vec3_dot(held.normal, x);
   j->held[node] = held;
 }
@@ -68,12 +68,12 @@ typedef struct pair_force {
   double push_slope, friction_slope;
 } pair_force;
 
-/* At x1 + by way */
+/* At x1 + by direction */
 static pair_force find_force(const ms_projected_step *to, const ms_surface_pair *p, double by,
-                             const double *way) {
+                             const double *direction) {
   double r[3] = {0}, u[3];
   ms_surface_pair_combine(p, 1, to->x1, r);
-  if (by != 0) ms_surface_pair_combine(p, by, way, r);
+  if (by != 0) ms_surface_pair_combine(p, by, direction, r);
   memcpy(u, r, sizeof u);
   ms_surface_pair_combine(p, -1, to->x0, u);
   ms_vec3_axpy(-ms_vec3_dot(p->normal, u), p->normal, u);
@@ -218,18 +218,18 @@ static double find_imbalance(ms_contact_projection *j, const ms_projected_step *
   return most;
 }
 
-/* The derivative along j->way of the function that d minimizes, at d + by j->way, from that of its
- * quadratic part, linear + by square */
+/* The derivative along j->direction of the function that d minimizes, at d + by j->direction, from
+ * that of its quadratic part, linear + by square */
 static double find_slope(const ms_contact_projection *j, const ms_projected_step *to, double by,
                          double linear, double square) {
   double sum = linear + by * square;
   const ms_surface_pair *p;
   for (int64_t i = 0; (p = next_plane(j, to, &i)) != NULL;) {
-    double way[3] = {0};
-    pair_force f = find_force(to, p, by, j->way);
-    ms_surface_pair_combine(p, 1, j->way, way);
+    double displacement[3] = {0};
+    pair_force f = find_force(to, p, by, j->direction);
+    ms_surface_pair_combine(p, 1, j->direction, displacement);
     ms_vec3_axpy(f.push, p->normal, f.friction);
-    sum -= ms_vec3_dot(f.friction, way);
+    sum -= ms_vec3_dot(f.friction, displacement);
   }
   return sum;
 }
@@ -257,11 +257,12 @@ static double find_share(ms_contact_projection *j, const ms_projected_step *to,
   return middle;
 }
 
-static void gather_way(const ms_projected_step *to, const double *vec, double *way) {
+static void gather_displacements(const ms_projected_step *to, const double *vec,
+                                 double *displacement) {
   const ms_contact_surface *surface = &to->pairs->surface;
   for (int32_t k = 0; k < surface->nnodes; k++)
     if (surface->row[k] >= 0)
-      ms_unknowns_get(&to->s->model->unknowns, vec, surface->row[k], way + 3 * (size_t)k);
+      ms_unknowns_get(&to->s->model->unknowns, vec, surface->row[k], displacement + 3 * (size_t)k);
 }
 
 /* Join the bodies of pairs that push, and those that obstacles hold. */
@@ -286,10 +287,11 @@ static void improve_balance(ms_contact_projection *j, const ms_projected_step *t
     return;
   }
   ms_contact_bodies_balance(to->bodies, to->s->model, j->a.drag, change);
-  gather_way(to, change, j->way);
+  gather_displacements(to, change, j->direction);
   const double share = find_share(j, to, change);
   ms_vector_axpy(to->s->model->shape, share, change, j->d);
-  for (size_t i = 0; i < 3 * (size_t)to->pairs->surface.nnodes; i++) to->x1[i] += share * j->way[i];
+  for (size_t i = 0; i < 3 * (size_t)to->pairs->surface.nnodes; i++)
+    to->x1[i] += share * j->direction[i];
 }
 
 static void update_reactions(const ms_contact_projection *j, const ms_projected_step *to) {
@@ -331,9 +333,9 @@ double ms_contact_projection_find_work(const ms_projected_step *to) {
     ms_vec3_axpy(p->reaction, p->normal, force);
     for (int k = 0; k < 4; k++) {
       const size_t at = 3 * (size_t)p->node[k];
-      double way[3] = {to->x1[at], to->x1[at + 1], to->x1[at + 2]};
-      ms_vec3_axpy(-1, to->x0 + at, way);
-      if (surface->row[p->node[k]] < 0) sum -= p->weight[k] * ms_vec3_dot(force, way);
+      double displacement[3] = {to->x1[at], to->x1[at + 1], to->x1[at + 2]};
+      ms_vec3_axpy(-1, to->x0 + at, displacement);
+      if (surface->row[p->node[k]] < 0) sum -= p->weight[k] * ms_vec3_dot(force, displacement);
     }
   }
   return sum / (to->s->h * to->s->h);

@@ -10,7 +10,7 @@
  * It is solved by the augmented Lagrangian method (Nocedal and Wright, Numerical Optimization,
  * 2006, 17.3; with friction: Simo and Laursen, Comput. Struct. 42 (1992) 97), which repeats
  *   lambda = max(0, lambda + beta (target - n.r)),
- *   tau = tau - beta u, shortened to mu lambda,  u the tangential part of the way of r in the step,
+ *   tau = tau - beta u, shortened to mu lambda,  u the tangential displacement of r in the step,
  * with d such that A d balances these forces, which Newton's method finds: d minimizes a convex
  * function, as the limit of friction is that of the last lambda. Its matrix is A + sum_p W_p^T B_p
  * W_p, B_p the derivative of the forces. beta is of the size of A, so that conjugate gradients take
@@ -28,7 +28,7 @@ typedef struct ms_contact_projection {
   ms_jacobi jacobi;
   double *d;             /* a vector, m; kg: forces have the unit kg m, as they are times h^2 */
   double *r, *z, *p, *q; /* vectors of conjugate gradients */
-  double *way;           /* 3 nnodes: the last change of d, of nodes */
+  double *direction;     /* 3 nnodes: the last change of d, of nodes */
   int is_clamped;        /* 1: A is clamped, as that of a linear method is not positive definite */
   double size;           /* of the forces at d = 0, in the norm of the preconditioner */
   ms_surface_pair *held; /* nnodes: where is_active, a plane of an obstacle that holds the node */
@@ -43,10 +43,10 @@ void ms_contact_projection_destroy(const ms_model *model, ms_contact_projection 
 void ms_contact_projection_start(ms_contact_projection *j, const ms_model *model,
                                  ms_surface_pairs *pairs);
 
-/* An obstacle has moved the node from x* + d by `way` to x: it is to stay in front of the plane
- * there from now on. unit: of distances, m */
-void ms_contact_projection_hold(ms_contact_projection *j, int32_t node, const double way[3],
-                                const double x[3], double unit);
+/* An obstacle has moved the node from x* + d by `displacement` to x: it is to stay in front of the
+ * plane there from now on. unit: of distances, m */
+void ms_contact_projection_hold(ms_contact_projection *j, int32_t node,
+                                const double displacement[3], const double x[3], double unit);
 
 /* A step of which A is the matrix, and the pairs that are kept apart */
 typedef struct ms_projected_step {

@@ -212,7 +212,7 @@ static void scale_to_one(double u[3]) {
 static void friction_of(const ms_stepper *s, const ms_contact *c, const double *v, double pull,
                         double f[3]) {
   const int implicit = s->events->implicit, turns = c->stop < (implicit ? 2 : 1) * s->h;
-  double way[3] = {c->sliding_direction[0], c->sliding_direction[1], c->sliding_direction[2]},
+  double direction[3] = {c->sliding_direction[0], c->sliding_direction[1], c->sliding_direction[2]},
          now[3] = {0};
   if (v) memcpy(now, v, sizeof now);
   ms_impacts_remove_normal(&c->on, now, NULL);
@@ -223,9 +223,10 @@ static void friction_of(const ms_stepper *s, const ms_contact *c, const double *
     memcpy(f, c->friction_force, sizeof c->friction_force);
   } else {
     /* a stage after the stop goes on in a straight line, by which the stop is found */
-    if (!turns && ms_vec3_dot(now, c->sliding_direction) > 0) memcpy(way, now, sizeof way);
-    scale_to_one(way);
-    ms_vec3_axpy(-pull, way, f);
+    if (!turns && ms_vec3_dot(now, c->sliding_direction) > 0)
+      memcpy(direction, now, sizeof direction);
+    scale_to_one(direction);
+    ms_vec3_axpy(-pull, direction, f);
   }
 }
 
@@ -442,7 +443,7 @@ void ms_contact_set_place(ms_stepper *s) {
     double x[3], v[3] = {0}, J[MS_MAX_INDEPENDENT_PLANES];
     ms_unknowns_get(rows, c->sticks ? s->x : s->x_next, c->row, x);
     if (!c->sticks) ms_unknowns_get(rows, s->v_next, c->row, v);
-    if (c->sticks) ms_vec3_axpy(1, c->frame.way, x), ms_vec3_axpy(1, c->frame.end, v);
+    if (c->sticks) ms_vec3_axpy(1, c->frame.displacement, x), ms_vec3_axpy(1, c->frame.end, v);
     const int has_distances = c->is_prescribed || !c->frame.moves; /* `end` and `leave` */
     if (has_distances && (!c->sticks || c->enters)) ms_impacts_move_to_distance(&c->on, c->end, x);
     if (has_distances) ms_impacts_set_normal_components(&c->on, c->leave, v, J);

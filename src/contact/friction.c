@@ -88,7 +88,8 @@ typedef struct curve {
 } curve;
 
 /* dx += the displacement */
-static void add_curved_way(const double a[3], const components *of, const curve *on, double dx[3]) {
+static void add_curved_displacement(const double a[3], const components *of, const curve *on,
+                                    double dx[3]) {
   const double k = on->k, u0 = on->u0, q = on->q, d = on->d, E = u0 * u0;
   double unused;
   const double x = q * q / of->A *
@@ -112,19 +113,19 @@ static void slide_curved(const double a[3], double F, double t, const components
   on.q = speed / (1 + E);
   if (moves) on.d = find_log_tangent(on.k, E, t * A / on.q);
   const double u = on.u0 * exp(on.d), size = moves ? on.q * exp((on.k - 1) * on.d) : 0;
-  if (dx) add_curved_way(a, of, &on, dx);
+  if (dx) add_curved_displacement(a, of, &on, dx);
   for (int c = 0; c < 3; c++) v[c] = size * ((1 - u * u) / A * a[c] + 2 * u / across * of->side[c]);
 }
 
 void ms_friction_slide(const double a[3], double F, double t, double v[3], double dx[3]) {
   const double A = ms_vec3_norm(a), speed = ms_vec3_norm(v);
-  double unused[3], *way = dx ? dx : unused;
+  double unused[3], *displacement = dx ? dx : unused;
   components of = {.A = A, .along = A > 0 ? ms_vec3_dot(v, a) / A : 0, .side = {v[0], v[1], v[2]}};
   if (A > 0) ms_vec3_axpy(-of.along / A, a, of.side);
   of.across = ms_vec3_norm(of.side);
-  for (int c = 0; c < 3; c++) way[c] = 0;
-  if (F <= 0) advance_uniformly(a, t, v, way);
+  for (int c = 0; c < 3; c++) displacement[c] = 0;
+  if (F <= 0) advance_uniformly(a, t, v, displacement);
   else if (A == 0 || of.across <= 1e-9 * speed || speed <= STILL * t * A)
-    slide_straight(a, F, t, v, way);
+    slide_straight(a, F, t, v, displacement);
   else slide_curved(a, F, t, &of, v, dx);
 }

@@ -162,7 +162,7 @@ static int may_meet_solid(const substeps *j, int32_t row) {
                fastest = fmax(ms_vec3_norm(u[0]), ms_vec3_norm(u[1])) + bend,
                near = z * z / 96 * bend + ms_impacts_distance_tolerance(&planes, x[0]);
   for (int32_t i = 0; i < planes.nsolids; i++) {
-    const double moved = ms_moving_obstacles_bound_way(&planes, i, x[0], fastest, s->h);
+    const double moved = ms_moving_obstacles_bound_displacement(&planes, i, x[0], fastest, s->h);
     double q = 0;
     for (int k = 0; q <= 1; k++) {
       double y[3];

@@ -124,10 +124,10 @@ static double find_on_samples(const ms_parabola *f, int32_t i, double from, doub
     if (e.s <= tolerance) return t > from ? bisect(f, i, before, t, tolerance) : t;
     if (t >= left) return INFINITY;
     const double share = ms_obstacles_find_cell(e.solid) / MS_IMPACT_TIME_SHARES,
-                 way = fmax(ms_obstacles_bound_distance(e.solid, e.s), share),
+                 displacement = fmax(ms_obstacles_bound_distance(e.solid, e.s), share),
                  V = ms_vec3_norm(e.w), A = bound_acceleration(f, i, &e, left - t);
     before = t;
-    t = fmin(left, t + 2 * way / (V + sqrt(V * V + 2 * A * way)));
+    t = fmin(left, t + 2 * displacement / (V + sqrt(V * V + 2 * A * displacement)));
   }
   return t;
 }
@@ -162,13 +162,13 @@ int ms_impact_time_may_touch(const ms_parabola *f, double h) {
     if (fmin(fmin(s, s + u / 2), end) <= tolerance) return 1;
   }
   if (!planes->nsolids) return 0;
-  const double way = h * (ms_vec3_norm(f->v) + 0.5 * h * ms_vec3_norm(f->a));
+  const double displacement = h * (ms_vec3_norm(f->v) + 0.5 * h * ms_vec3_norm(f->a));
   for (int32_t i = 0; i < planes->nsolids; i++) {
     const ms_solid *solid = &planes->solid[i];
     double unused[3];
-    const double moved = ms_moving_obstacles_bound_way(planes, i, f->x, way, h),
+    const double moved = ms_moving_obstacles_bound_displacement(planes, i, f->x, displacement, h),
                  distance = ms_signed_distance(solid, f->x, unused);
-    if (ms_obstacles_bound_distance(solid, distance) <= way + moved + tolerance) return 1;
+    if (ms_obstacles_bound_distance(solid, distance) <= displacement + moved + tolerance) return 1;
   }
   return 0;
 }

@@ -64,7 +64,8 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
   ms_unknowns_get(rows, s->x, c->row, x);
   ms_unknowns_get(rows, j->v_start, c->row, v);
   ms_solid_contact_set_frame(s, c);
-  const double kept[3] = {x[0] + c->frame.way[0], x[1] + c->frame.way[1], x[2] + c->frame.way[2]};
+  const double kept[3] = {x[0] + c->frame.displacement[0], x[1] + c->frame.displacement[1],
+                          x[2] + c->frame.displacement[2]};
   const double relative[3] = {v[0] - c->frame.velocity[0], v[1] - c->frame.velocity[1],
                               v[2] - c->frame.velocity[2]};
   const int keeps = j->law == KEEP_DISTANCE || c->keeps;
@@ -76,7 +77,7 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
     const double back = keeps ? 0 : find_rebound(j, c->row, c->on.plane[i], relative);
     const int reaches = back == 0 && !keeps;
     const double away =
-        c->frame.moves ? ms_vec3_dot(c->on.plane[i]->normal, c->frame.way) / s->h : 0;
+        c->frame.moves ? ms_vec3_dot(c->on.plane[i]->normal, c->frame.displacement) / s->h : 0;
     to[i] = reaches ? -gap / s->h : away + back;
     c->end[i] = reaches ? 0 : gap + s->h * to[i];
     c->leave[i] = ms_vec3_dot(c->on.plane[i]->normal, c->frame.end) + back;
@@ -91,7 +92,7 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
     c->least_jump = fmin(c->least_jump, J[i] / s->h);
   }
   if (c->sticks) {
-    for (int k = 0; k < 3; k++) v[k] = c->frame.way[k] / s->h;
+    for (int k = 0; k < 3; k++) v[k] = c->frame.displacement[k] / s->h;
     ms_impacts_set_normal_components(&c->on, to, v, J);
   }
   ms_unknowns_set(rows, v, c->row, s->v);

@@ -66,7 +66,8 @@ double ms_implicit_impulses_find_work(const ms_stepper *s) {
     ms_unknowns_get(rows, s->v_next, c->row, v);
     ms_unknowns_get(rows, e->begin[0], c->row, solved);
     for (int k = 0; k < 3; k++)
-      sum += s->model->mass[c->row] * (c->impulse[k] + v[k] - solved[k]) * c->frame.way[k] / s->h;
+      sum += s->model->mass[c->row] * (c->impulse[k] + v[k] - solved[k]) *
+             c->frame.displacement[k] / s->h;
   }
   return sum;
 }

@@ -122,20 +122,20 @@ void ms_moving_obstacles_set_frame(const ms_collision_planes *planes, const ms_p
   ms_moving_obstacles_find_velocity(planes, on, x, frame->velocity);
   ms_moving_obstacles_find_acceleration(planes, on, x, v, frame->acceleration);
   for (int c = 0; c < 3; c++) {
-    frame->way[c] = h * (frame->velocity[c] + h * frame->acceleration[c] / 2);
+    frame->displacement[c] = h * (frame->velocity[c] + h * frame->acceleration[c] / 2);
     frame->end[c] = frame->velocity[c] + h * frame->acceleration[c];
   }
 }
 
-/*------------------------------------- ways -----------------------------------------------------*/
+/*------------------------------------- displacements --------------------------------------------*/
 
-double ms_moving_obstacles_bound_way(const ms_collision_planes *planes, int32_t i,
-                                     const double x[3], double way, double time) {
+double ms_moving_obstacles_bound_displacement(const ms_collision_planes *planes, int32_t i,
+                                              const double x[3], double distance, double time) {
   if (!planes->moving) return 0;
   const ms_solid_bounds *b = &planes->moving->bounds[i];
   double r[3];
   for (int c = 0; c < 3; c++) r[c] = x[c] - planes->solid[i].center[c];
-  const double reach = ms_vec3_norm(r) + way + b->speed * time;
+  const double reach = ms_vec3_norm(r) + distance + b->speed * time;
   return time * (b->speed + (b->spin > 0 ? b->spin * reach : 0));
 }
 
@@ -148,14 +148,14 @@ void ms_moving_obstacles_save_poses(const ms_collision_planes *planes, const ms_
   }
 }
 
-void ms_moving_obstacles_add_way(const ms_solid *from, const ms_solid *to, const double x[3],
-                                 double way[3]) {
+void ms_moving_obstacles_add_displacement(const ms_solid *from, const ms_solid *to,
+                                          const double x[3], double displacement[3]) {
   double r[3];
   for (int c = 0; c < 3; c++) r[c] = x[c] - from->center[c];
   for (int c = 0; c < 3; c++) {
-    way[c] += to->center[c] - from->center[c];
+    displacement[c] += to->center[c] - from->center[c];
     for (int k = 0; k < 3; k++)
-      way[c] += (to->axis[k][c] - from->axis[k][c]) * ms_vec3_dot(from->axis[k], r);
+      displacement[c] += (to->axis[k][c] - from->axis[k][c]) * ms_vec3_dot(from->axis[k], r);
   }
 }
 
@@ -164,7 +164,7 @@ void ms_moving_obstacles_carry(const ms_collision_planes *planes, const ms_plane
   double sum[3] = {0};
   for (int i = 0; i < poses->n; i++) {
     const ms_solid *now = ms_obstacles_get_solid(planes, on->plane[i]);
-    if (now) ms_moving_obstacles_add_way(&poses->solid[i], now, x, sum);
+    if (now) ms_moving_obstacles_add_displacement(&poses->solid[i], now, x, sum);
   }
   for (int c = 0; c < 3 && poses->n; c++) x[c] += sum[c] / poses->n;
 }

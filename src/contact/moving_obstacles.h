@@ -48,18 +48,19 @@ double ms_moving_obstacles_find_normal_acceleration(const ms_solid *solid, const
 typedef struct ms_contact_frame {
   int moves;
   double velocity[3], acceleration[3]; /* m/s, m/s^2: at the start of the step */
-  double way[3];                       /* m: in the step */
+  double displacement[3];              /* m: in the step */
   double end[3];                       /* m/s: its velocity at the end */
 } ms_contact_frame;
 
-/* Sets the frame of planes that touch x in a step of h, its way and end to order h^2. */
+/* Sets the frame of planes that touch x in a step of h, its displacement and end to order h^2. */
 void ms_moving_obstacles_set_frame(const ms_collision_planes *planes, const ms_plane_set *on,
                                    const double x[3], const double v[3], double h,
                                    ms_contact_frame *frame);
 
-/* A bound on the way of the points of solid i within `way` of x, relative to x, in a time (m) */
-double ms_moving_obstacles_bound_way(const ms_collision_planes *planes, int32_t i,
-                                     const double x[3], double way, double time);
+/* A bound on the displacement of the points of solid i within `distance` of x, relative to x, in a
+ * time (m) */
+double ms_moving_obstacles_bound_displacement(const ms_collision_planes *planes, int32_t i,
+                                              const double x[3], double distance, double time);
 
 /* The poses of the solids of a contact, before they move */
 typedef struct ms_poses {
@@ -70,11 +71,11 @@ typedef struct ms_poses {
 void ms_moving_obstacles_save_poses(const ms_collision_planes *planes, const ms_plane_set *on,
                                     ms_poses *poses);
 
-/* way += that of the point x of a solid between two poses */
-void ms_moving_obstacles_add_way(const ms_solid *from, const ms_solid *to, const double x[3],
-                                 double way[3]);
+/* displacement += that of the point x of a solid between two poses */
+void ms_moving_obstacles_add_displacement(const ms_solid *from, const ms_solid *to,
+                                          const double x[3], double displacement[3]);
 
-/* Moves x as the points of the solids at x have moved since: by the mean of their ways. */
+/* Moves x as the points of the solids at x have moved since: by the mean of their displacements. */
 void ms_moving_obstacles_carry(const ms_collision_planes *planes, const ms_plane_set *on,
                                const ms_poses *poses, double x[3]);
 

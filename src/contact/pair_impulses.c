@@ -38,14 +38,14 @@ int64_t ms_pair_impulses_push_positions(ms_surface_pairs *pairs, double friction
                                         double *x1) {
   int64_t n = 0;
   for (ms_surface_pair *p = pairs->pair; p < pairs->pair + pairs->n; p++) {
-    double way[3] = {0};
+    double displacement[3] = {0};
     const double mobility = p->is_active ? find_mobility(&pairs->surface, p) : 0;
     if (!(mobility > 0)) continue;
-    ms_surface_pair_combine(p, 1, x1, way);
-    const double missing = p->target - ms_vec3_dot(p->normal, way);
+    ms_surface_pair_combine(p, 1, x1, displacement);
+    const double missing = p->target - ms_vec3_dot(p->normal, displacement);
     if (!(missing > 1e-6 * p->target)) continue;
-    ms_surface_pair_combine(p, -1, x0, way);
-    push(pairs, p, friction, mobility, missing, way, x1);
+    ms_surface_pair_combine(p, -1, x0, displacement);
+    push(pairs, p, friction, mobility, missing, displacement, x1);
     p->is_pushed = 1;
     n++;
   }

@@ -301,4 +301,4 @@ void ms_particle_path_compute(ms_particle_path *p) {
 }
 
 /* The parabola lies within the convex hull of its control points (at s, s + u/2 and `end`), and
- * within the length of the way from x. */
+ * within the length of the path from x. */

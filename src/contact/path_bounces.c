@@ -31,14 +31,15 @@ static int is_far_from_others(const ms_path_progress *k, const msim_plane *plane
       time * (ms_vec3_norm(p->v) + ms_vec3_norm(k->frame) + time * ms_vec3_norm(p->a));
   const msim_plane *tangents = p->planes.plane + p->planes.n - p->planes.nsolids;
   for (const msim_plane *q = p->planes.plane; q < p->planes.plane + p->planes.n; q++) {
-    const double way = q < tangents ? 0
-                                    : ms_moving_obstacles_bound_way(
+    const double displacement = q < tangents
+                                    ? 0
+                                    : ms_moving_obstacles_bound_displacement(
                                           &p->planes, (int32_t)(q - tangents), p->x, reach, time);
     const double distance = ms_impacts_distance(q, p->x);
     const double least =
         q < tangents ? distance
                      : ms_obstacles_bound_distance(&p->planes.solid[q - tangents], distance);
-    if (q != plane && least <= reach + way) return 0;
+    if (q != plane && least <= reach + displacement) return 0;
   }
   return 1;
 }

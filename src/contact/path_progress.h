@@ -16,9 +16,9 @@ typedef struct ms_path_progress {
   double t, end; /* s: the end of this part of the path, at a time of a motion or the step's */
   ms_plane_set contact; /* the planes that it rests on or slides along */
   double frame[3];      /* m/s: that of the contact, while v and w are relative to it; 0 at rest */
-  double way[3];        /* m: the last way of surfaces in contact */
-  double tolerance;     /* rounding tolerance of a velocity */
-  int stalled;          /* consecutive impacts at most 1e-6 h apart */
+  double displacement[3]; /* m: the last one of surfaces in contact */
+  double tolerance;       /* rounding tolerance of a velocity */
+  int stalled;            /* consecutive impacts at most 1e-6 h apart */
   int is_partial; /* the last part of the path ended before an impact or the end of the step */
 } ms_path_progress;
 

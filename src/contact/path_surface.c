@@ -49,9 +49,9 @@ void ms_path_surface_move(ms_path_progress *k, const ms_plane_set *on, const dou
   ms_moving_obstacles_save_poses(&p->planes, on, &poses);
   ms_moving_obstacles_place(&p->planes, (ms_instant){.t = p->t + k->t + dt, .before = 1});
   ms_vec3_axpy(0.5, dx, p->x);
-  for (int c = 0; c < 3; c++) k->way[c] = -p->x[c];
+  for (int c = 0; c < 3; c++) k->displacement[c] = -p->x[c];
   ms_moving_obstacles_carry(&p->planes, on, &poses, p->x);
-  ms_vec3_axpy(1, p->x, k->way);
+  ms_vec3_axpy(1, p->x, k->displacement);
   ms_vec3_axpy(0.5, dx, p->x);
   ms_obstacles_touch(&p->planes, p->x);
 }
@@ -190,6 +190,7 @@ void ms_path_surface_add_work(ms_path_progress *k, const double before[3], const
   for (int c = 0; c < 3; c++) {
     const double faster = k->frame[c] - from[c],
                  impulse = p->w[c] - before[c] - dt * (first[c] + last[c]) / 2;
-    p->work += faster * (k->frame[c] + from[c]) / 2 + (dt > 0 ? impulse * k->way[c] / dt : 0);
+    p->work +=
+        faster * (k->frame[c] + from[c]) / 2 + (dt > 0 ? impulse * k->displacement[c] / dt : 0);
   }
 }

@@ -20,7 +20,8 @@ void ms_path_surface_enter_frame(ms_path_progress *k, const ms_plane_set *on);
 /* Makes them absolute. */
 void ms_path_surface_leave_frame(ms_path_progress *k);
 
-/* Moves x by dx relative to the surfaces of `on`, and with them by dt, as the point half way. */
+/* Moves x by dx relative to the surfaces of `on`, and with them by dt, as the point at the middle
+ * of its path. */
 void ms_path_surface_move(ms_path_progress *k, const ms_plane_set *on, const double dx[3],
                           double dt);
 
@@ -55,7 +56,7 @@ void ms_path_surface_follow(ms_path_progress *k, const ms_plane_set *on, const d
 
 /* The work of the surfaces in contact on w in the part of dt: of the impulse that accelerates w
  * with the frame, from its velocity `from`, and of the one that acts against b and, by friction,
- * changed w from `before`, as that of a constant force along the way of the surfaces */
+ * changed w from `before`, as that of a constant force along the displacement of the surfaces */
 void ms_path_surface_add_work(ms_path_progress *k, const double before[3], const double from[3],
                               double dt);
 

@@ -22,14 +22,14 @@ static void keep_closer(const double r[3], double w0, double w1, double w2, doub
   *best = (closest){square, {r[0], r[1], r[2]}, {w0, w1, w2, w3}};
 }
 
-/* From the point of the edge i j that is nearest to the point p to p; returns its share on the way
+/* From the point of the edge i j that is nearest to the point p to p; returns its share on the path
  * from i to j. */
-static double find_way_from_edge(double x[4][3], int p, int i, int j, double way[3]) {
+static double find_offset_from_edge(double x[4][3], int p, int i, int j, double offset[3]) {
   double edge[3];
-  subtract(x[j], x[i], edge), subtract(x[p], x[i], way);
+  subtract(x[j], x[i], edge), subtract(x[p], x[i], offset);
   const double square = ms_vec3_dot(edge, edge);
-  const double t = square > 0 ? clamp_to_unit(ms_vec3_dot(edge, way) / square) : 0;
-  ms_vec3_axpy(-t, edge, way);
+  const double t = square > 0 ? clamp_to_unit(ms_vec3_dot(edge, offset) / square) : 0;
+  ms_vec3_axpy(-t, edge, offset);
   return t;
 }
 
@@ -55,11 +55,11 @@ static int try_inner_point(double x[4][3], closest *best) {
 static void find_point_and_triangle(double x[4][3], closest *best) {
   double r[3];
   if (try_inner_point(x, best) == IS_INSIDE) return;
-  double t = find_way_from_edge(x, 0, 1, 2, r);
+  double t = find_offset_from_edge(x, 0, 1, 2, r);
   keep_closer(r, 1, t - 1, -t, 0, best);
-  t = find_way_from_edge(x, 0, 2, 3, r);
+  t = find_offset_from_edge(x, 0, 2, 3, r);
   keep_closer(r, 1, 0, t - 1, -t, best);
-  t = find_way_from_edge(x, 0, 3, 1, r);
+  t = find_offset_from_edge(x, 0, 3, 1, r);
   keep_closer(r, 1, -t, 0, t - 1, best);
 }
 
@@ -82,11 +82,11 @@ static void find_edges(double x[4][3], closest *best) {
   double r[3];
   if (try_perpendicular(x, best) == IS_INSIDE) return;
   for (int c = 0; c < 2; c++) {
-    const double t = find_way_from_edge(x, c, 2, 3, r);
+    const double t = find_offset_from_edge(x, c, 2, 3, r);
     keep_closer(r, 1 - c, c, t - 1, -t, best);
   }
   for (int c = 0; c < 2; c++) {
-    const double t = find_way_from_edge(x, 2 + c, 0, 1, r);
+    const double t = find_offset_from_edge(x, 2 + c, 0, 1, r);
     for (int i = 0; i < 3; i++) r[i] = -r[i];
     keep_closer(r, 1 - t, t, c - 1, -c, best);
   }
@@ -115,15 +115,16 @@ double ms_proximity_find_gap(ms_feature_kind kind, double x[4][3], const double 
   return least - most;
 }
 
-/* Remove the mean of four ways; returns ms_proximity_bound_change(). */
-static double remove_mean(ms_feature_kind kind, double way[4][3]) {
+/* Remove the mean of four displacements; returns ms_proximity_bound_change(). */
+static double remove_mean(ms_feature_kind kind, double displacement[4][3]) {
   double longest[2] = {0, 0};
   for (int i = 0; i < 3; i++) {
-    const double mean = (way[0][i] + way[1][i] + way[2][i] + way[3][i]) / 4;
-    for (int c = 0; c < 4; c++) way[c][i] -= mean;
+    const double mean =
+        (displacement[0][i] + displacement[1][i] + displacement[2][i] + displacement[3][i]) / 4;
+    for (int c = 0; c < 4; c++) displacement[c][i] -= mean;
   }
   for (int c = 0; c < 4; c++) {
-    const double square = ms_vec3_dot(way[c], way[c]);
+    const double square = ms_vec3_dot(displacement[c], displacement[c]);
     double *of = &longest[c >= (int)kind];
     *of = square > *of ? square : *of;
   }
@@ -131,9 +132,9 @@ static double remove_mean(ms_feature_kind kind, double way[4][3]) {
 }
 
 double ms_proximity_bound_change(ms_feature_kind kind, double x0[4][3], double x1[4][3]) {
-  double way[4][3];
-  for (int c = 0; c < 4; c++) subtract(x1[c], x0[c], way[c]);
-  return remove_mean(kind, way);
+  double displacement[4][3];
+  for (int c = 0; c < 4; c++) subtract(x1[c], x0[c], displacement[c]);
+  return remove_mean(kind, displacement);
 }
 
 double ms_proximity_stop(double distance, double least) {
@@ -143,17 +144,19 @@ double ms_proximity_stop(double distance, double least) {
 int ms_proximity_collides(ms_feature_kind kind, double x0[4][3], double x1[4][3], double least,
                           ms_proximity *at) {
   enum { MOST = 1000 };
-  double x[4][3], way[4][3], origin[3];
+  double x[4][3], displacement[4][3], origin[3];
   memcpy(origin, x0[0], sizeof origin);
-  for (int c = 0; c < 4; c++) subtract(x0[c], origin, x[c]), subtract(x1[c], x0[c], way[c]);
+  for (int c = 0; c < 4; c++)
+    subtract(x0[c], origin, x[c]), subtract(x1[c], x0[c], displacement[c]);
   *at = ms_proximity_find(kind, x);
-  const double stop = ms_proximity_stop(at->distance, least), length = remove_mean(kind, way);
+  const double stop = ms_proximity_stop(at->distance, least),
+               length = remove_mean(kind, displacement);
   double t = 0;
   for (int i = 0; i < MOST; i++) {
     const double step = 0.9 * (at->distance - least) / length;
     if (!(step < 1 - t)) return 0;
     t += step;
-    for (int c = 0; c < 4; c++) ms_vec3_axpy(step, way[c], x[c]);
+    for (int c = 0; c < 4; c++) ms_vec3_axpy(step, displacement[c], x[c]);
     *at = ms_proximity_find(kind, x);
     if (!(at->distance > stop)) return 1;
   }

@@ -22,14 +22,14 @@ ms_proximity ms_proximity_find(ms_feature_kind kind, double x[4][3]);
 double ms_proximity_bound_change(ms_feature_kind kind, double x0[4][3], double x1[4][3]);
 
 /* The gap between A and B along n: positive if a plane normal to it separates them. If it exceeds a
- * number at the start and at the end of straight ways, it does so all the way, as the distances of
+ * number at the start and at the end of straight paths, it does so throughout, as the distances of
  * corners from a plane are linear in time. */
 double ms_proximity_find_gap(ms_feature_kind kind, double x[4][3], const double n[3]);
 
 /* The distance below which ms_proximity_collides() takes features for colliding */
 double ms_proximity_stop(double distance, double least);
 
-/* 0: on the straight ways of the corners from x0 to x1 the distance exceeds `least` everywhere,
+/* 0: on the straight paths of the corners from x0 to x1 the distance exceeds `least` everywhere,
  * which is below that at x0. 1: the distance becomes smaller than that of ms_proximity_stop(). *at:
  * the closest points where the method ends.
  * Additive conservative advancement (Li, Kaufman and Jiang, ACM Trans. Graph. 40 (2021) 170,

@@ -196,9 +196,9 @@ static int is_obstructed(const obstacles *o, const double x[3]) {
  * that has moved over `from` takes the particle along. */
 static void return_if_stuck(obstacles *o, const double from[3], const double end[3], double x[3],
                             double v[3]) {
-  double way[3], moved[3];
-  for (int c = 0; c < 3; c++) way[c] = end[c] - from[c], moved[c] = x[c] - from[c];
-  const int is_near = ms_vec3_norm(moved) <= ms_vec3_norm(way);
+  double displacement[3], moved[3];
+  for (int c = 0; c < 3; c++) displacement[c] = end[c] - from[c], moved[c] = x[c] - from[c];
+  const int is_near = ms_vec3_norm(moved) <= ms_vec3_norm(displacement);
   if ((is_near || is_obstructed(o, from)) && !is_obstructed(o, x)) return;
   if (o->log) ms_contact_log_stop(o->log, o->row, v);
   for (int c = 0; c < 3; c++) x[c] = from[c], v[c] = 0;

@@ -9,9 +9,9 @@
  *   s = n.x - d; if s < 0:  x -= (1 + e) s n, and if also n.v < 0:
  *   J = -(1 + e) n.v,  v += J n,  tangential part of v times max(0, 1 - mu J/|v_t|).
  * e = 1, mu = 0 is the method of Teschner's exercises. A particle that already moves away from the
- * plane keeps its velocity. If it is still behind a plane, between planes closer than its way or in
- * a corner, this is repeated, up to 64 times in all; then it is moved to the nearest point in front
- * of all planes, with an impact there.
+ * plane keeps its velocity. If it is still behind a plane, between planes closer than its
+ * displacement or in a corner, this is repeated, up to 64 times in all; then it is moved to the
+ * nearest point in front of all planes, with an impact there.
  *
  * Then the same at colliders, each replaced by the plane that touches it at its point nearest to x,
  * which moves with the velocity u of that point: v - u is reflected, and the impulse m J does the

@@ -242,7 +242,7 @@ static msim_status report_stuck(const ms_self_contact *c, ms_stepper *s, const m
       particle);
 }
 
-/* A node that stays where others go on may collide with features that were not near its way. */
+/* A node that stays where others go on may collide with features that were not near its path. */
 static msim_status stop_all_colliding(ms_self_contact *c, ms_stepper *s, msim_error *err) {
   const msim_allocator *alloc = &s->model->scene->alloc;
   int32_t pass = 0;
@@ -271,23 +271,24 @@ static void touch_obstacle(ms_self_contact *c, int32_t k) {
 }
 
 /* Moves particles out of obstacles, which hold the bodies of nodes and, in the projection, the
- * nodes from now on. Returns the longest way of a node. */
+ * nodes from now on. Returns the largest displacement of a node. */
 static double reflect(ms_self_contact *c, ms_stepper *s) {
   const ms_contact_surface *surface = &c->pairs.surface;
   double longest = 0;
   gather_end(c, s);
   ms_stepper_reflect_remaining(s, NULL);
   for (int32_t k = 0; k < surface->nnodes; k++) {
-    double x[3], way[3];
+    double x[3], displacement[3];
     if (surface->row[k] < 0) continue;
     ms_unknowns_get(&s->model->unknowns, s->x_next, surface->row[k], x);
-    memcpy(way, x, sizeof way);
-    ms_vec3_axpy(-1, c->x1 + 3 * (size_t)k, way);
-    const double size = ms_vec3_norm(way);
+    memcpy(displacement, x, sizeof displacement);
+    ms_vec3_axpy(-1, c->x1 + 3 * (size_t)k, displacement);
+    const double size = ms_vec3_norm(displacement);
     if (!(size > 0)) continue;
     longest = fmax(longest, size);
     touch_obstacle(c, k);
-    if (c->projection.d) ms_contact_projection_hold(&c->projection, k, way, x, c->pairs.thickness);
+    if (c->projection.d)
+      ms_contact_projection_hold(&c->projection, k, displacement, x, c->pairs.thickness);
   }
   gather_end(c, s);
   return longest;

@@ -3,7 +3,7 @@
  * A step leads from x0, where no two features of the surface touch, to x1 on straight lines. Three
  * stages correct x1 and the velocity v at the end:
  *   1. Each pair of features (a point and a triangle, or two edges) that is close at x0, or
- *      collides on the way, gets a plane: the normal n and the weights w of its closest points at
+ *      collides on its path, gets a plane: the normal n and the weights w of its closest points at
  *      x0, or where it collides. Sweeps over these pairs move the corners apart until
  *      sum_c w_c n.x1_c is the thickness, or the distance at x0 if that is less: by impulses
  *      J w_c n, whose sum is 0, and Coulomb's friction, at most mu J, against the tangential motion
@@ -13,9 +13,9 @@
  *   2. What still collides after a fixed number of rounds stays at x0, at rest, and so do those
  *      that collide with it then, until none does. As x0 is free of collisions this ends, and by
  *      induction no step passes through a surface.
- *   3. If the energy has grown by the correction, the ways and the velocities of bodies that touch
- *      are halved until it has not, again without collisions: around those of their centre of mass
- *      (contact_bodies.h), or, where pins or obstacles hold them, around no motion.
+ *   3. If the energy has grown by the correction, the displacements and the velocities of bodies
+ *      that touch are halved until it has not, again without collisions: around those of their
+ *      centre of mass (contact_bodies.h), or, where pins or obstacles hold them, around no motion.
  * Particles are reflected at obstacles in between; those that stay are where they were before. */
 #ifndef MS_SELF_CONTACT_H
 #define MS_SELF_CONTACT_H

@@ -69,20 +69,20 @@ double ms_step_energy_bound_work(ms_stepper *s, const double *v) {
 
 /*------------------------------------- shorter steps --------------------------------------------*/
 
-/* The mean way and velocity of the moving solids in contact; 0: there are none */
+/* The mean displacement and velocity of the moving solids in contact; 0: there are none */
 static ms_contact_frame find_mean_frame(const ms_stepper *s) {
   const ms_contact_set *e = s->events;
-  double sum[7] = {0}; /* their number, ways and velocities, of all ranks */
+  double sum[7] = {0}; /* their number, displacements and velocities, of all ranks */
   for (int32_t i = 0; i < e->ncontacts; i++) {
     const ms_contact_frame *f = &e->contact[i].frame;
     if (!f->moves) continue;
     sum[0]++;
-    ms_vec3_axpy(1, f->way, sum + 1), ms_vec3_axpy(1, f->end, sum + 4);
+    ms_vec3_axpy(1, f->displacement, sum + 1), ms_vec3_axpy(1, f->end, sum + 4);
   }
   ms_ranks_sum(ms_rank_model_ranks(s->model), 7, sum);
   ms_contact_frame mean = {.moves = sum[0] > 0};
   for (int c = 0; c < 3 && mean.moves; c++)
-    mean.way[c] = sum[1 + c] / sum[0], mean.end[c] = sum[4 + c] / sum[0];
+    mean.displacement[c] = sum[1 + c] / sum[0], mean.end[c] = sum[4 + c] / sum[0];
   return mean;
 }
 
@@ -96,7 +96,7 @@ static void halve_step(ms_stepper *s, const ms_contact_frame *frame) {
     ms_unknowns_get(rows, s->v_next, r, v);
     for (int c = 0; c < 3; c++) {
       const double dv = (frame->end[c] - v[c]) / 2;
-      x[c] += (start[c] + frame->way[c] - x[c]) / 2;
+      x[c] += (start[c] + frame->displacement[c] - x[c]) / 2;
       v[c] += dv;
       s->work_in_step += s->model->mass[r] * dv * frame->end[c];
     }

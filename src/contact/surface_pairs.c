@@ -28,7 +28,7 @@ msim_status ms_surface_pairs_create(const ms_model *model, double thickness,
   pairs->slack = fmin(thickness, 0.125 * find_mean_length(&pairs->surface));
   const size_t n = 3 * (size_t)pairs->surface.nnodes;
   if (MS_NEW(alloc, pairs->base[0], n) && MS_NEW(alloc, pairs->base[1], n) &&
-      MS_NEW(alloc, pairs->way, pairs->surface.nnodes))
+      MS_NEW(alloc, pairs->swept, pairs->surface.nnodes))
     return MSIM_OK;
   return ms_error_set_memory(err, "the surface");
 }
@@ -36,7 +36,7 @@ msim_status ms_surface_pairs_create(const ms_model *model, double thickness,
 void ms_surface_pairs_destroy(const ms_scene *scene, ms_surface_pairs *pairs) {
   ms_contact_surface_destroy(scene, &pairs->surface);
   ms_surface_tree_destroy(scene, &pairs->tree);
-  MS_FREE(&scene->alloc, pairs->pair, pairs->base[0], pairs->base[1], pairs->way);
+  MS_FREE(&scene->alloc, pairs->pair, pairs->base[0], pairs->base[1], pairs->swept);
 }
 
 /*------------------------------------- motion of nodes ------------------------------------------*/
@@ -56,7 +56,7 @@ static double find_largest_change(int32_t n, const double *x, const double *y) {
   return sqrt(largest);
 }
 
-/* Surfaces that move little get a list for several steps, those that do not one for their ways. */
+/* Surfaces that move little get a list for several steps, those that do not one for their paths. */
 static void choose_base(ms_surface_pairs *p, const double *x0, const double *x1) {
   const int32_t n = p->surface.nnodes;
   const size_t bytes = 3 * (size_t)n * sizeof *x0;
@@ -88,10 +88,10 @@ static void extend(const ms_box *by, ms_box *box) {
   }
 }
 
-/* 1: the boxes of the ways of A and B are farther apart than `reach` along an axis. */
+/* 1: the boxes of the paths of A and B are farther apart than `reach` along an axis. */
 static int are_boxes_apart(const ms_surface_pairs *pairs, const ms_feature_pair *p, double reach) {
-  ms_box box[2] = {pairs->way[p->node[0]], pairs->way[p->node[3]]};
-  for (int c = 1; c < 3; c++) extend(&pairs->way[p->node[c]], &box[c >= (int)p->kind]);
+  ms_box box[2] = {pairs->swept[p->node[0]], pairs->swept[p->node[3]]};
+  for (int c = 1; c < 3; c++) extend(&pairs->swept[p->node[c]], &box[c >= (int)p->kind]);
   for (int c = 0; c < 3; c++)
     if (box[0].low[c] - box[1].high[c] > reach || box[1].low[c] - box[0].high[c] > reach) return 1;
   return 0;
@@ -107,7 +107,7 @@ static int are_planes_apart(ms_feature_kind kind, double x[4][3], double reach) 
   return ms_proximity_find_gap(kind, x, n) > reach * ms_vec3_norm(n) * (1 + 1e-9);
 }
 
-/* Find the thickness of a pair. 1: it may come closer than that on ways within the margin of the
+/* Find the thickness of a pair. 1: it may come closer than that on paths within the margin of the
  * base. */
 static int may_come_close(const ms_surface_pairs *pairs, const ms_feature_pair *p,
                           double *thickness) {
@@ -115,13 +115,13 @@ static int may_come_close(const ms_surface_pairs *pairs, const ms_feature_pair *
   if (are_boxes_apart(pairs, p, pairs->thickness + 2 * pairs->margin)) return 0;
   ms_feature_pair_get(p->node, pairs->base[0], x0),
       ms_feature_pair_get(p->node, pairs->base[1], x1);
-  const double way = 2 * pairs->margin + ms_proximity_bound_change(p->kind, x0, x1);
-  if (are_planes_apart(p->kind, x0, pairs->thickness + way)) return 0;
+  const double change = 2 * pairs->margin + ms_proximity_bound_change(p->kind, x0, x1);
+  if (are_planes_apart(p->kind, x0, pairs->thickness + change)) return 0;
   const double distance = ms_proximity_find(p->kind, x0).distance;
-  if (distance > pairs->thickness + way) return 0;
+  if (distance > pairs->thickness + change) return 0;
   ms_feature_pair_get(p->node, pairs->surface.x_rest, rest);
   *thickness = fmin(pairs->thickness, 0.5 * ms_proximity_find(p->kind, rest).distance);
-  return distance <= *thickness + way;
+  return distance <= *thickness + change;
 }
 
 static void append(const ms_feature_pair *p, ms_feature_pair *list, int *n) {
@@ -175,12 +175,12 @@ void ms_surface_pairs_set_boxes(ms_surface_pairs *p, const double *x0, const dou
   for (int32_t k = 0; k < p->surface.nnodes; k++)
     for (int c = 0; c < 3; c++) {
       const double a = x0[3 * (size_t)k + (size_t)c], b = x1[3 * (size_t)k + (size_t)c];
-      p->way[k].low[c] = a < b ? a : b, p->way[k].high[c] = a < b ? b : a;
+      p->swept[k].low[c] = a < b ? a : b, p->swept[k].high[c] = a < b ? b : a;
     }
   for (int32_t i = 0; i < p->surface.nelements; i++) {
     ms_box *box = &p->tree.box[p->tree.leaf[i]];
-    *box = p->way[p->surface.corner[i][0]];
-    for (int c = 1; c < 3; c++) extend(&p->way[p->surface.corner[i][c]], box);
+    *box = p->swept[p->surface.corner[i][0]];
+    for (int c = 1; c < 3; c++) extend(&p->swept[p->surface.corner[i][c]], box);
     for (int c = 0; c < 3; c++) box->low[c] -= reach, box->high[c] += reach;
   }
   ms_surface_tree_update(&p->tree);

@@ -1,6 +1,6 @@
 /* surface_pairs - lists the pairs of features of a surface that come close in a step
  *
- * The list serves later steps, too, until a node has moved farther than a margin from the way that
+ * The list serves later steps, too, until a node has moved farther than a margin from the path that
  * it was made for, relative to the mean motion of all nodes: so surfaces that are not near each
  * other cost a loop over the nodes in most steps. Pairs that it has in excess are farther apart,
  * and the order of others does not depend on them, so that results do not depend on when it was
@@ -43,9 +43,9 @@ typedef struct ms_surface_pairs {
   ms_surface_tree tree;
   int32_t n, capacity;
   ms_surface_pair *pair;
-  double *base[2]; /* 3 nnodes: the way of each node that the list was made for */
+  double *base[2]; /* 3 nnodes: the path of each node that the list was made for */
   double margin;   /* m: how far it may be from that; < 0: there is no list */
-  ms_box *way;     /* nnodes: the box of each of these ways */
+  ms_box *swept;   /* nnodes: the box of each of these paths */
 } ms_surface_pairs;
 
 /* On failure the caller destroys what is there. */
@@ -64,7 +64,7 @@ enum { MS_MOST_FEATURE_PAIRS = 3 + 3 + 9 };
 int ms_surface_pairs_list(const ms_contact_surface *surface, int32_t a, int32_t b,
                           ms_feature_pair list[MS_MOST_FEATURE_PAIRS]);
 
-/* Set the boxes of the tree to those of the ways from x0 to x1, enlarged by `reach`. */
+/* Set the boxes of the tree to those of the paths from x0 to x1, enlarged by `reach`. */
 void ms_surface_pairs_set_boxes(ms_surface_pairs *pairs, const double *x0, const double *x1,
                                 double reach);
 

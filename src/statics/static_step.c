@@ -99,7 +99,7 @@ static void form_right_side(static_solve *c) {
   ms_vector_clear_all(shape, s->work[PRESCRIBED]);
   c->rounding = 0;
   for (int32_t i = 0; i < count_contacts(c); i++) constrain(c, &c->e->contact[i]);
-  /* the solver's base moves with the particles, whose inertia is to act on the whole way */
+  /* the solver's base moves with the particles, whose inertia acts on the whole displacement */
   ms_vector_scale_rows(shape, s->model->mass, s->work[PRESCRIBED], s->work[DIRECTION]);
   ms_vector_axpy(shape, -1, s->work[DIRECTION], b);
 }
@@ -206,7 +206,7 @@ static int update_contacts(static_solve *c) {
   return changed;
 }
 
-static double find_longest_way(const static_solve *c) {
+static double find_largest_displacement(const static_solve *c) {
   double longest = 0;
   for (int32_t r = 0; r < c->rows->nfree; r++) {
     double v[3];
@@ -225,7 +225,7 @@ static msim_status find_direction(static_solve *c, ms_static_step *step, msim_er
     const msim_status status = solve(c, err);
     if (status) return status;
     step->solves++;
-    const double longest = i == 0 ? find_longest_way(c) : 0;
+    const double longest = i == 0 ? find_largest_displacement(c) : 0;
     if (longest > step->radius && step->solves < step->most) {
       c->is_limited = 1;
       c->h *= fmax(0.1, 0.9 * sqrt(step->radius / longest));
@@ -248,15 +248,15 @@ static ms_plane_set select_planes(const static_solve *c, const ms_contact *on, i
                                   const double x[3]) {
   const ms_collision_planes planes = ms_contact_set_planes(c->s);
   const double tolerance = ms_impacts_distance_tolerance(&planes, x);
-  double from[3], way[3];
+  double from[3], displacement[3];
   ms_plane_set to = {0};
   ms_unknowns_get(c->rows, c->s->x, on->row, from);
-  for (int k = 0; k < 3; k++) way[k] = x[k] - from[k];
+  for (int k = 0; k < 3; k++) displacement[k] = x[k] - from[k];
   for (int i = 0; i < on->on.n; i++) {
     const int32_t solid = ms_contact_set_find_solid(c->s, on->on.plane[i]);
     const int is_beyond =
         solid >= 0 && !on->enters &&
-        ms_obstacles_is_beyond_edge(&c->e->near.solid[solid], from, way, tolerance);
+        ms_obstacles_is_beyond_edge(&c->e->near.solid[solid], from, displacement, tolerance);
     if ((all && !is_beyond) || ms_impacts_distance(on->on.plane[i], x) < 0)
       to.plane[to.n++] = on->on.plane[i];
   }
@@ -358,7 +358,8 @@ static void adapt(const static_solve *c, msim_status status, ms_static_step *ste
   if (status) step->h /= 10;
   else if (c->alpha < FEW) {
     step->h /= 10;
-    step->radius = fmax(fmin(step->radius, c->alpha * find_longest_way(c)), LEAST * step->length);
+    step->radius =
+        fmax(fmin(step->radius, c->alpha * find_largest_displacement(c)), LEAST * step->length);
   } else if (c->is_limited) step->radius *= 2, step->h *= 1.4;
   else if (c->alpha < 1) step->h /= 3;
   else if (c->gain > GOOD) step->h *= 5;

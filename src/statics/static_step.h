@@ -26,7 +26,7 @@
 
 typedef struct ms_static_step {
   double h;             /* s */
-  double radius;        /* m: the longest way of a particle in a step */
+  double radius;        /* m: the largest displacement of a particle in a step */
   double length;        /* m: of springs */
   int32_t most, solves; /* linear solves: allowed, and made so far */
 } ms_static_step;

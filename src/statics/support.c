@@ -26,10 +26,10 @@ static void hold_neighbours(const ms_scene *scene, const int32_t *of, body *bodi
 
 /* 1: colliders may stop a particle at x, which f moves. Heights continue beyond their grid. */
 static int may_be_stopped(const ms_scene *scene, const double x[3], const double f[3]) {
-  const double way = ms_vec3_dot(x, f) / ms_vec3_norm(f);
+  const double distance = ms_vec3_dot(x, f) / ms_vec3_norm(f);
   for (int32_t i = 0; i < scene->ncolliders; i++) {
     const ms_solid *s = &scene->solids[i];
-    if (s->inside || s->type == MSIM_COLLIDER_HEIGHTFIELD || way < s->reach) return 1;
+    if (s->inside || s->type == MSIM_COLLIDER_HEIGHTFIELD || distance < s->reach) return 1;
   }
   return 0;
 }
