@@ -411,12 +411,13 @@ class RestScenes(CliTest):
         return iterations(out)
 
     def test_minima(self):
-        """All in less than 200 iterations on average"""
+        """All in less than 90 iterations on average: with a line search that interpolates by
+        parabolas it took 100, most of them along springs that hardly stretch."""
         sum_of_all = 0
         for name, make in MINIMA.items():
             with self.subTest(name):
                 sum_of_all += self.check_minimum(make())
-        self.assertLess(sum_of_all, 200 * len(MINIMA))
+        self.assertLess(sum_of_all, 90 * len(MINIMA))
 
     def test_few_iterations(self):
         """The clamped matrix is too stiff for motions of cloth out of its surface: it took 349 and

@@ -320,7 +320,17 @@ static double find_next_slope(const static_solve *c) {
   return c->h * ms_vector_dot(s->model->shape, force, s->work[DIRECTION]);
 }
 
-/* 1: alpha is accepted; else *better is the minimum of a parabola. */
+/* The minimum along d of U = slope (-a + a^2/2 + b a^4): d is a step of Newton's method, and motion
+ * across a spring stretches it by its square, so that U of nearly inextensible cloth is of the
+ * fourth power. b follows from the gain at alpha, 1 - alpha/2 - b alpha^3. With a = alpha t the
+ * slope is 0 where t^3 + p t = q, whose only real root is Cardano's. */
+static double find_quartic_minimum(const static_solve *c) {
+  const double b = 1 - c->alpha / 2 - c->gain, p = c->alpha / (4 * b), q = 1 / (4 * b);
+  const double root = sqrt(q * q / 4 + p * p * p / 27);
+  return c->alpha * (cbrt(q / 2 + root) + cbrt(q / 2 - root));
+}
+
+/* 1: alpha is accepted; else *better is the minimum of a quartic. */
 static int try_alpha(static_solve *c, double *better) {
   ms_stepper *s = c->s;
   move(c);
@@ -328,7 +338,7 @@ static int try_alpha(static_solve *c, double *better) {
                         ms_vector_dot(s->model->shape, s->work[FORCE], s->v_next);
   c->gain = -change / (c->alpha * c->slope);
   if (change > c->rounding - 1e-4 * c->alpha * c->slope) {
-    *better = c->alpha / (2 * (1 - c->gain));
+    *better = find_quartic_minimum(c);
     return 0;
   }
   const double next = c->needs_slope ? find_next_slope(c) : 0;
@@ -353,7 +363,7 @@ static msim_status search_line(static_solve *c, msim_error *err) {
 
 /* h and radius of the next step */
 static void adapt(const static_solve *c, msim_status status, ms_static_step *step) {
-  const double GOOD = 0.3, FEW = 0.1, LEAST = 1e-3;
+  const double GOOD = 0.3, FEW = 0.03, LEAST = 1e-3;
   step->h = c->h;
   if (status) step->h /= 10;
   else if (c->alpha < FEW) {
