@@ -27,6 +27,7 @@ typedef struct contact_solve {
   const double *v_start; /* at the start of the step, before any bounce */
   impact_law law;
   int bounces;      /* a particle has bounced */
+  int law_matters;  /* KEEP_DISTANCE would change what the last solve prescribed */
   int is_linear;    /* linear steps near solids */
   int joined;       /* particles joined after the last solve */
   int has_solution; /* v_next is that of an earlier solve of the step */
@@ -82,6 +83,7 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
     c->end[i] = reaches ? 0 : gap + s->h * to[i];
     c->leave[i] = ms_vec3_dot(c->on.plane[i]->normal, c->frame.end) + back;
     j->bounces |= back > 0;
+    j->law_matters |= !keeps && (back > 0 || gap != 0 || away != 0 || c->has_solid);
   }
   double end[3] = {v[0], v[1], v[2]};
   ms_impacts_set_normal_components(&c->on, to, v, J);
@@ -101,6 +103,7 @@ static void prescribe_velocity(contact_solve *j, ms_contact *c) {
 static void prescribe_velocities(contact_solve *j) {
   ms_contact_set_make_writable(j->s);
   ms_vector_copy(j->s->model->shape, j->v_start, j->s->v);
+  j->law_matters = 0;
   for (int32_t i = 0; i < j->e->ncontacts; i++) prescribe_velocity(j, &j->e->contact[i]);
 }
 
@@ -326,6 +329,11 @@ static msim_status try_law(contact_solve *j, const ms_step_energy *start, energy
   return status;
 }
 
+/* 1: the last law would prescribe the same, as it does for bodies that stick where they touch. */
+static int is_step_of_last_law(const contact_solve *j) {
+  return !j->joined && !ms_rank_model_any(j->s->model, j->law_matters);
+}
+
 /* Uses the first law under which the solve converges and the energy does not grow. Under the last
  * one planes do no work, so that only the error of implicit Euler remains. Steps of linear methods
  * near solids have a larger error of their own, where springs turn by large angles; if it adds
@@ -341,8 +349,8 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
     j->bounces = ms_rank_model_any(s->model, j->bounces);
     const int is_last = j->law == KEEP_DISTANCE || (j->is_linear && !j->bounces);
     if (status && (is_last || status != MSIM_NOT_CONVERGED)) return status;
-    if (!status && (!growth || (is_last && !j->is_linear && growth == ERROR_OF_METHOD)))
-      return MSIM_OK;
+    const int may_grow = !j->is_linear && (is_last || is_step_of_last_law(j));
+    if (!status && (!growth || (may_grow && growth == ERROR_OF_METHOD))) return MSIM_OK;
     if (is_last)
       return ms_error_set(
           err, MSIM_NOT_CONVERGED,
