@@ -329,7 +329,8 @@ static msim_status try_law(contact_solve *j, const ms_step_energy *start, energy
   return status;
 }
 
-/* 1: the last law would prescribe the same, as it does for bodies that stick where they touch. */
+/* 1: KEEP_DISTANCE would prescribe the same, as it does for particles that stick, so that its step
+ * is the one just made. */
 static int is_step_of_last_law(const contact_solve *j) {
   return !j->joined && !ms_rank_model_any(j->s->model, j->law_matters);
 }
@@ -349,8 +350,9 @@ static msim_status remake_step(contact_solve *j, msim_error *err) {
     j->bounces = ms_rank_model_any(s->model, j->bounces);
     const int is_last = j->law == KEEP_DISTANCE || (j->is_linear && !j->bounces);
     if (status && (is_last || status != MSIM_NOT_CONVERGED)) return status;
-    const int may_grow = !j->is_linear && (is_last || is_step_of_last_law(j));
-    if (!status && (!growth || (may_grow && growth == ERROR_OF_METHOD))) return MSIM_OK;
+    const int may_grow =
+        growth == ERROR_OF_METHOD && !j->is_linear && (is_last || is_step_of_last_law(j));
+    if (!status && (!growth || may_grow)) return MSIM_OK;
     if (is_last)
       return ms_error_set(
           err, MSIM_NOT_CONVERGED,

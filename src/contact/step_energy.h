@@ -29,11 +29,12 @@ double ms_step_energy_find_end(const ms_stepper *s, double *motion);
  * trapezoidal rule */
 double ms_step_energy_bound_work(ms_stepper *s, const double *v);
 
-/* Halves the displacement and the velocity of all particles until energy less work is at most
- * `most`, and reflects particles that are inside obstacles then. So the step tends to no motion,
- * which adds no energy; where solids move, to the mean motion of those that are in contact, and the
- * impulse by which they carry the body along does work. If no step is short enough, as where a
- * solid presses a body against another one, or against pins, the one of least energy is made. */
+/* Divides the displacement and the velocity of all particles by 2 until energy less work is at
+ * most `most`, and reflects particles that are inside obstacles then. So the step tends to no
+ * motion, which adds no energy; where solids move, to the mean motion of those that are in contact,
+ * and the impulse by which they carry the body along does work. If no step is short enough, as
+ * where a solid presses a body against another one, or against pins, the one of least energy is
+ * made. */
 void ms_step_energy_shorten(ms_stepper *s, double most);
 
 #endif

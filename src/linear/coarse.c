@@ -64,6 +64,8 @@ static msim_status allocate_values(const ms_model *model, ms_coarse *coarse, msi
   return MSIM_OK;
 }
 
+/* The numbers up to which a factor is used: a share of those of the matrix, or LITTLE beside the
+ * cost of all else in an iteration */
 static double most_numbers(const ms_model *model, double share) {
   const double LITTLE = 3e5;
   return fmax(LITTLE, share * 4.0 * MS_SLICE * model->half_edges.nentries);
