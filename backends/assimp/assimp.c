@@ -114,12 +114,14 @@ static msim_status announce(const msim_tree *tree, const char *path, int32_t kin
   return tree->add(tree, &node, room);
 }
 
-/* unused: the coordinates of nunused vertices of no face, which follow those of libassimp */
-static msim_status add_arrays(const msim_host *host, const struct aiScene *scene, int64_t nunused,
-                              const double *unused, const msim_tree *tree) {
+/* The host does not look where vertices of no face are: nunused of them follow, at 0. */
+static msim_status add_arrays(const msim_host *host, const char *path, const struct aiScene *scene,
+                              const msim_tree *tree) {
   arrays to = {0};
+  int64_t nunused;
   void *vertices, *faces;
-  msim_status status = add_scene(host, scene, &to);
+  msim_status status = assimp_obj_count_unused(host, path, &nunused);
+  if (!status) status = add_scene(host, scene, &to);
   if (!status && to.nfaces == 0) {
     host->fail(host, "it contains no faces");
     return MSIM_ERR_ARG;
@@ -130,17 +132,7 @@ static msim_status add_arrays(const msim_host *host, const struct aiScene *scene
   if (status) return status;
   to.vertices = vertices, to.faces = faces;
   status = add_scene(host, scene, &to);
-  if (nunused) memcpy(to.vertices + 3 * to.nvertices, unused, 3 * (size_t)nunused * sizeof *unused);
-  return status;
-}
-
-static msim_status add_with_unused(const msim_host *host, const char *path,
-                                   const struct aiScene *scene, const msim_tree *tree) {
-  int64_t nunused;
-  double *unused;
-  msim_status status = assimp_obj_find_unused(host, path, &nunused, &unused);
-  if (!status) status = add_arrays(host, scene, nunused, unused, tree);
-  free(unused);
+  for (int64_t i = 3 * to.nvertices; i < 3 * nvertices; i++) to.vertices[i] = 0;
   return status;
 }
 
@@ -270,7 +262,7 @@ static msim_status load(const msim_host *host, const char *path, const msim_tree
   const struct aiScene *scene = import(host, path, &status);
   host->unlock(host);
   if (!scene) return status;
-  if (scene->mRootNode) status = add_with_unused(host, path, scene, tree);
+  if (scene->mRootNode) status = add_arrays(host, path, scene, tree);
   else {
     host->fail(host, "it contains no nodes");
     status = MSIM_ERR_ARG;
