@@ -1,6 +1,9 @@
 /* Tests of meshes: which particles, springs and faces a surface gives, what is repaired and
- * counted, what is refused, and want of memory. */
+ * counted, what is refused, want of memory, and files in a locale with a decimal comma. */
+#define _DEFAULT_SOURCE /* mkdtemp */
+#include <locale.h>
 #include <stdio.h>
+#include <unistd.h>
 
 #include "meshes.h"
 #include "scene_check.h"
@@ -346,6 +349,49 @@ static void meshes_survive_want_of_memory(void **state) {
   assert_true(failures > 30);
 }
 
+/*------------------------------------- files ----------------------------------------------------*/
+
+static msim_scene *make_scene_of_file(const char *path, const char *text) {
+  FILE *file = fopen(path, "w");
+  msim_scene *scene = make_empty_scene();
+  msim_mesh mesh = make_mesh(0, NULL, 0, NULL);
+  mesh.file = path;
+  assert_true(file && fputs(text, file) >= 0 && fclose(file) == 0);
+  msim_error why;
+  const msim_status status = msim_scene_add_mesh(scene, &mesh, &why);
+  remove(path);
+  require(status != MSIM_ERR_NAME, "the importer assimp");
+  if (status) fail_msg("%s", why.text);
+  return scene;
+}
+
+static void a_decimal_comma_changes_no_file(void **state) {
+  (void)state;
+  static const char *const files[][2] = {
+      {"a.obj", "v 0.25 0 0\nv 0.5 0 0\nv 0 0.5 0\nf 1 2 3\n"},
+      {"a.stl",
+       "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0.25 0 0\nvertex 0.5 0 0\n"
+       "vertex 0 0.5 0\nendloop\nendfacet\nendsolid a\n"},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+       "property float z\nelement face 1\nproperty list uchar int vertex_indices\n"
+       "end_header\n0.25 0 0\n0.5 0 0\n0 0.5 0\n3 0 1 2\n"}};
+  static const double x[9] = {0.25, 0, 0, 0.5, 0, 0, 0, 0.5, 0};
+  char folder[] = "/tmp/msim_test_XXXXXX";
+  assert_true(mkdtemp(folder) && chdir(folder) == 0);
+  require(setlocale(LC_NUMERIC, "de_DE.UTF-8") != NULL, "the locale de_DE.UTF-8");
+  for (int i = 0; i < 3; i++) {
+    msim_scene *scene = make_scene_of_file(files[i][0], files[i][1]);
+    const msim_scene_view view = view_of(scene);
+    assert_int_equal(view.nparticles, 3);
+    assert_memory_equal(view.x, x, sizeof x);
+    msim_scene_destroy(scene);
+  }
+  assert_string_equal(localeconv()->decimal_point, ","); /* the locale of the host is unchanged */
+  setlocale(LC_NUMERIC, "C");
+  assert_true(chdir("/") == 0 && rmdir(folder) == 0);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(a_cube_has_a_spring_along_each_edge),
                                      cmocka_unit_test(bends_join_the_vertices_opposite_an_edge),
@@ -358,6 +404,7 @@ int main(void) {
                                      cmocka_unit_test(one_sided_surfaces_cannot_be_filled),
                                      cmocka_unit_test(bad_meshes_are_refused),
                                      cmocka_unit_test(bad_members_are_refused),
-                                     cmocka_unit_test(meshes_survive_want_of_memory)};
+                                     cmocka_unit_test(meshes_survive_want_of_memory),
+                                     cmocka_unit_test(a_decimal_comma_changes_no_file)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

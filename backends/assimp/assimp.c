@@ -8,9 +8,10 @@
  *
  * Files may refer to others in their own folder, which are read: the buffers of glTF. libassimp has
  * one text for errors in all threads, hence the lock; damaged files may crash it. */
-#define _POSIX_C_SOURCE 200809L /* stat */
+#define _POSIX_C_SOURCE 200809L /* newlocale, stat */
 #include <errno.h>
 #include <limits.h>
+#include <locale.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -254,7 +255,7 @@ static const struct aiScene *import(const msim_host *host, const char *path, msi
   return scene;
 }
 
-static msim_status load(const msim_host *host, const char *path, const msim_tree *tree) {
+static msim_status load_file(const msim_host *host, const char *path, const msim_tree *tree) {
   msim_status status = check_file(host, path);
   if (!status) status = check_format(host, path);
   if (status) return status;
@@ -268,6 +269,20 @@ static msim_status load(const msim_host *host, const char *path, const msim_tree
     status = MSIM_ERR_ARG;
   }
   aiReleaseImport(scene);
+  return status;
+}
+
+/* Numbers have a decimal point, whatever the locale of the host. */
+static msim_status load(const msim_host *host, const char *path, const msim_tree *tree) {
+  const locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+  if (!c) {
+    host->fail(host, "out of memory");
+    return MSIM_ERR_MEMORY;
+  }
+  const locale_t before = uselocale(c);
+  const msim_status status = load_file(host, path, tree);
+  uselocale(before);
+  freelocale(c);
   return status;
 }
 
