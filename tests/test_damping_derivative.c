@@ -319,35 +319,46 @@ static void strong_dampers_turn_far_in_a_step(void **state) {
     }
 }
 
-/* A damped block hits a slope. In the step of the impact the full matrix fails three times far from
- * the solution; 90 solves if it is then given up, with a residual that is halved by each. */
-static void the_full_matrix_returns_near_the_solution(void **state) {
-  (void)state;
-  static const char text[] =
+/* Most solves in a step of a damped block that falls onto a slope from height z */
+static int64_t most_solves_of_block(double z) {
+  char text[512];
+  snprintf(
+      text, sizeof text,
       "{\"msim\": 1, \"gravity\": [0, 0, -9.81],"
       " \"planes\": [{\"normal\": [0.1470041765550574, 0, 1], \"offset\": 0, \"friction\": 0.3}],"
       " \"objects\": [{\"type\": \"lattice\", \"n\": [5, 5, 5], \"size\": [0.5, 0.5, 0.5],"
-      "  \"origin\": [0, 0, 1.1514298064721131], \"mass\": 1.25, \"k\": 1e4,"
-      "  \"damping\": 46.07829549617044}]}";
+      "  \"origin\": [0, 0, %.3f], \"mass\": 1.25, \"k\": 1e4, \"damping\": 46.078}]}",
+      z);
   msim_scene *scene;
   msim_options opt;
-  msim_sim *sim;
   msim_stats stats = {.size = sizeof stats};
   msim_options_init(&opt, sizeof opt);
   opt.integrator = "implicit-euler", opt.h = 1. / 60, opt.solver = "pcg";
   opt.collision = MSIM_COLLISION_EVENT;
-  assert_ok(msim_scene_parse(NULL, "block", text, sizeof text - 1, &scene, err));
-  assert_ok(msim_sim_create(scene, &opt, &sim, err));
+  assert_ok(msim_scene_parse(NULL, "block", text, strlen(text), &scene, err));
+  msim_sim *sim = make_sim(scene, &opt);
   int64_t before = 0, most = 0;
-  for (int i = 0; i < 40; i++) {
+  for (int i = 0; i < 40; i++, before = stats.solves) {
     assert_ok(msim_sim_step(sim, 1, err));
     assert_ok(msim_sim_stats(sim, &stats));
     if (stats.solves - before > most) most = stats.solves - before;
-    before = stats.solves;
   }
-  assert_true(most <= 70);
   msim_sim_destroy(sim);
   msim_scene_destroy(scene);
+  return most;
+}
+
+/* In the step of the impact the full matrix fails three times far from the solution; some 70 solves
+ * if it is then given up, with a residual that is halved by each. One of such runs may take twice
+ * as many as another, as the block buckles; the median counts. */
+static void the_full_matrix_returns_near_the_solution(void **state) {
+  (void)state;
+  enum { RUNS = 9 };
+  int64_t most[RUNS];
+  for (int run = 0; run < RUNS; run++) most[run] = most_solves_of_block(1.168 + 0.001 * run);
+  qsort(most, RUNS, sizeof *most, ascending);
+  print_message("  the slowest step: %lld solves\n", (long long)most[RUNS / 2]);
+  assert_in_range(most[RUNS / 2], 10, 55);
 }
 
 int main(void) {
