@@ -75,6 +75,40 @@ static void a_clamped_descent_is_a_solve(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* With a coarse space and a rough tolerance r, p and q are floats, whatever the size of b: y is
+ * scaled exactly by powers of 2. */
+static void floats_serve_where_little_is_required(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(SIDE, 1000, 0);
+  const problem p = pose(scene, 16);
+  const ms_pcg *pcg = pcg_of(p.sim);
+  descend(&p, 1, 0.99e-5);
+  assert_int_equal(pcg->single, 0);
+  descend(&p, 1, 1e-5);
+  assert_int_equal(pcg->single, 1);
+  assert_true(left_of(&p) < 1e-3);
+  const double y = ms_vector_dot(p.shape, p.y, p.y);
+  assert_true(y > 0);
+  for (int exponent = -400; exponent <= 400; exponent += 800) {
+    ms_vector_scale(p.shape, ldexp(1, exponent), p.b);
+    descend(&p, 1, 1e-5);
+    assert_true(ms_vector_dot(p.shape, p.y, p.y) == ldexp(y, 2 * exponent));
+    ms_vector_scale(p.shape, ldexp(1, -exponent), p.b);
+  }
+  msim_sim_destroy(p.sim);
+  msim_scene_destroy(scene);
+}
+
+static void floats_do_not_serve_beside_little_inertia(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(SIDE, 1e9, 0);
+  const problem p = pose(scene, 16);
+  descend(&p, 1, 0.1);
+  assert_int_equal(pcg_of(p.sim)->single, 0);
+  msim_sim_destroy(p.sim);
+  msim_scene_destroy(scene);
+}
+
 /* Nothing is removed from a positive definite matrix, even if springs are compressed. */
 static void a_definite_matrix_stays_whole(void **state) {
   (void)state;
@@ -90,7 +124,8 @@ static void a_definite_matrix_stays_whole(void **state) {
 }
 
 /* From an exact matrix far from positive definite only the indefinite part is removed: the result
- * is a descent direction, and not that of the clamped matrix. */
+ * is a descent direction, and not that of the clamped matrix. Nearly the same is found with
+ * floats. */
 static void an_indefinite_matrix_leads_downhill(void **state) {
   (void)state;
   msim_scene *scene = hanging_cloth(SIDE, 1e5, 0);
@@ -102,6 +137,10 @@ static void an_indefinite_matrix_leads_downhill(void **state) {
     for (int i = 0; i < 4; i++) descend(&p, 0, 1e-7);
     assert_true(ms_vector_dot(p.shape, p.b, p.y) > clamped);
     assert_true(curvature(&p) < ms_vector_dot(p.shape, p.b, p.y));
+    const double fine = ms_vector_dot(p.shape, p.b, p.y);
+    descend(&p, 0, 1e-5);
+    assert_int_equal(pcg_of(p.sim)->single, aggregate > 0);
+    assert_true(fabs(ms_vector_dot(p.shape, p.b, p.y) - fine) < 0.01 * fine);
     msim_sim_destroy(p.sim);
   }
   msim_scene_destroy(scene);
@@ -136,6 +175,8 @@ static void half_edges_agree(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(a_clamped_descent_is_a_solve),
+                                     cmocka_unit_test(floats_serve_where_little_is_required),
+                                     cmocka_unit_test(floats_do_not_serve_beside_little_inertia),
                                      cmocka_unit_test(a_definite_matrix_stays_whole),
                                      cmocka_unit_test(an_indefinite_matrix_leads_downhill),
                                      cmocka_unit_test(half_edges_agree)};

@@ -25,7 +25,7 @@ void ms_compression_destroy(ms_compression *c) {
 typedef struct compression_job {
   ms_compression *c;
   float *coefficients; /* of pcg.h: by entry, t of 8 half-edges, then w */
-  const double *p;
+  ms_operands operands;
   double threshold;
 } compression_job;
 
@@ -61,7 +61,7 @@ void ms_compression_carry_over(ms_compression *c, float *coefficients) {
 
 /*------------------------------------- springs that buckle --------------------------------------*/
 
-/* -t |p_i - p_j|^2, the contribution of t to -p.A p, for the 8 half-edges of an entry */
+/* -t |x_i - x_j|^2, the contribution of t to -x.A x, for the 8 half-edges of an entry */
 static void find_contributions(const compression_job *j, int32_t range, int32_t entry,
                                double part[MS_SLICE]) {
   const ms_model *model = j->c->model;
@@ -76,7 +76,8 @@ static void find_contributions(const compression_job *j, int32_t range, int32_t 
         (size_t)ms_half_edges_neighbour(half_edges, MS_SLICE * entry + (int32_t)lane);
     double sum = 0;
     for (size_t c = 0; c < (size_t)model->unknowns.dims; c++) {
-      const double d = j->p[c * stride + row] - j->p[c * stride + other];
+      const double d = ms_operands_get(&j->operands, c * stride + row) -
+                       ms_operands_get(&j->operands, c * stride + other);
       sum += d * d;
     }
     part[lane] = -(double)t[lane] * sum;
@@ -113,9 +114,9 @@ static void halve_chunk(void *data, int32_t begin, int32_t end) {
     }
 }
 
-int ms_compression_reduce(ms_compression *c, const double *p, float *coefficients) {
+int ms_compression_reduce(ms_compression *c, ms_operands operands, float *coefficients) {
   const double LITTLE = 0.001;
-  compression_job j = {.c = c, .coefficients = coefficients, .p = p};
+  compression_job j = {.c = c, .coefficients = coefficients, .operands = operands};
   double largest = 0;
   const int32_t chunks = compression_run(find_largest_chunk, &j);
   for (int32_t i = 0; i < chunks; i++) largest = fmax(largest, c->largest[i]);

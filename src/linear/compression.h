@@ -26,8 +26,9 @@ void ms_compression_reset(ms_compression *c);
 /* Reduce t < 0 in the coefficients (pcg.h) of a new matrix, by a tenth of the last fractions. */
 void ms_compression_carry_over(ms_compression *c, float *coefficients);
 
-/* Given p.A p <= 0, halve t < 0 in the springs that contribute to that at least a thousandth of the
- * largest contribution of any rank. Returns 0 if none contributes; collective. */
-int ms_compression_reduce(ms_compression *c, const double *p, float *coefficients);
+/* Given x.A x <= 0, x that of the operands, halve t < 0 in the springs that contribute to that at
+ * least a thousandth of the largest contribution of any rank. Returns 0 if none contributes;
+ * collective. */
+int ms_compression_reduce(ms_compression *c, ms_operands operands, float *coefficients);
 
 #endif

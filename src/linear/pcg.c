@@ -295,10 +295,10 @@ static msim_status pcg_iterate(ms_pcg *s, const double *b, double goal, int64_t 
   }
 }
 
-/* A power of 2 near a norm of b. Powers of it are exact. */
+/* A power of 2 near the size of b in units of jacobi.scale. Powers of it are exact. */
 static double find_unit(const ms_pcg *s, double size) {
   int exponent = 0;
-  if (s->single) frexp(size / sqrt(s->jacobi.scale), &exponent);
+  if (s->single) frexp(size, &exponent);
   return ldexp(1, exponent);
 }
 
@@ -323,7 +323,7 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
   const ms_model *model = base->system->model;
   place_vectors(s, model->single || s->rounds_vectors);
   s->y = y;
-  s->rho = 0, s->unit = find_unit(s, target->size);
+  s->rho = 0, s->unit = find_unit(s, target->size / sqrt(s->jacobi.scale));
   s->starts = s->modes && s->modes->is_ready && s->is_free;
   base->residual = target->size;
   for (const double *left = b;; left = s->residual) {
@@ -343,25 +343,23 @@ static msim_status pcg_solve(ms_linear *base, const ms_linear_target *target, co
 
 /* Conjugate gradients from y = 0 until sqrt(r.B r) is rtol times its initial value. Returns 0 at a
  * direction p with p.A p <= 0: y is then the last iterate, or p if there is none. */
-static int descend_once(ms_pcg *s, const ms_descent_target *d, const double *b, double *y,
+static int descend_once(ms_pcg *s, const ms_descent_target *d, const double *b,
                         int64_t *iterations) {
-  const ms_shape shape = s->base.system->model->shape;
-  double alpha = 0, rho = 0, goal = -1, curvature = 1;
-  double *vectors[] = {s->r, s->q, s->p, y};
-  for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++)
-    ms_vector_clear_all(shape, vectors[i]);
-  ms_vector_axpy(shape, 1 / s->jacobi.scale, b, s->r);
+  double alpha = 0, goal = -1, curvature = 1;
+  s->rho = 0;
+  begin_iteration(s, b);
+  ms_vector_clear_all(s->base.system->model->shape, s->y);
   for (int32_t i = 0; curvature > 0; i++, ++*iterations) {
     double product[2] = {pcg_reduce(s, alpha)};
-    const double rho_new = pcg_solve_coarse(s, product);
-    if (i == 0) goal = d->rtol * d->rtol * rho_new;
-    if (rho_new <= goal || i >= d->max_iterations) break;
-    pcg_advance(s, alpha, rho > 0 ? rho_new / rho : 0);
-    rho = rho_new;
+    const double rho = pcg_solve_coarse(s, product);
+    if (i == 0) goal = d->rtol * d->rtol * rho;
+    if (rho <= goal || i >= d->max_iterations) break;
+    pcg_advance(s, alpha, s->rho > 0 ? rho / s->rho : 0);
+    s->rho = rho;
     curvature = pcg_apply(s);
     alpha = curvature > 0 ? rho / curvature : i == 0;
   }
-  ms_vector_axpy(shape, alpha, s->p, y);
+  pcg_run(end_chunk, &(pcg_sweep){.s = s, .alpha = alpha});
   return curvature > 0;
 }
 
@@ -371,17 +369,21 @@ static msim_status pcg_prepare_descent(ms_linear *base, msim_error *err) {
 }
 
 /* Where a direction shows that A is not positive definite, reduce the compression that causes it,
- * and start again from 0, so that b.y > 0. */
+ * and start again from 0, so that b.y > 0. No true residual corrects what floats lose: they serve
+ * where less is required than the DRIFT of pcg_solve(). */
 static void pcg_descend(ms_linear *base, const ms_descent_target *d, const double *b, double *y,
                         int64_t *iterations) {
   enum { MOST = 16 };
+  const double LEAST_OF_FLOATS = 1e-5;
   ms_pcg *s = (ms_pcg *)base;
-  place_vectors(s, 0); /* no true residual corrects the rounding of floats */
+  place_vectors(s, s->rounds_vectors && d->rtol >= LEAST_OF_FLOATS);
+  s->unit = find_unit(s, sqrt(ms_vector_dot(base->system->model->shape, b, b)) / s->jacobi.scale);
   s->y = y;
   if (base->system->clamped) ms_compression_reset(&s->compression);
   else ms_compression_carry_over(&s->compression, s->coefficients);
-  for (int i = 0; !descend_once(s, d, b, y, iterations) && i < MOST; i++)
-    if (!ms_compression_reduce(&s->compression, s->p, s->coefficients)) break;
+  const ms_operands direction = {.x = s->p, .single = s->single};
+  for (int i = 0; !descend_once(s, d, b, iterations) && i < MOST; i++)
+    if (!ms_compression_reduce(&s->compression, direction, s->coefficients)) break;
 }
 
 /* z = B r: one iteration with alpha = beta = 0 */

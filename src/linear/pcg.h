@@ -11,7 +11,7 @@
  * multiplied by A. The true residual, in doubles, decides in any case. Without a coarse space,
  * which small systems do without, the slow modes that these errors bring back would delay it more.
  * So it would where the inertia of a particle is less than the rounding of its springs. descend()
- * and precondition() have doubles.
+ * has floats where its tolerance allows them, precondition() has doubles.
  * Angular springs (physics/angle_springs.h) are added to it in double precision.
  * One iteration consists of three sweeps over the unknowns:
  *     apply    q = A p,                                   sum p.q
@@ -37,7 +37,7 @@ typedef struct ms_pcg {
   float *inverse;     /* jacobi.inverse, rounded; in blocks even where that is scalar */
   double *inertia;    /* first_pinned: m + h b, with the mean of the block of a force function */
   int single;         /* 1: r, p and q are vectors of floats, 0: of doubles; each solve chooses */
-  int rounds_vectors; /* 1: solve() of a double model has floats, on all ranks */
+  int rounds_vectors; /* 1: r, p and q of a double model may be floats, on all ranks */
   void *r, *p, *q;
   double *y;        /* the caller's */
   double *residual; /* b - A y */
