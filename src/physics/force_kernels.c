@@ -323,9 +323,12 @@ static int step_slices(const ms_model *m, const ms_fused_step *p, int32_t begin,
   return step_slices_of(3, DAMPED, m, p, begin, end);
 }
 
-/* Few scenes have split rows: one function serves all dims and kinds. */
+/* Few scenes have split rows, but for filled meshes, which are spatial. */
 static void sum_part(const ms_model *m, const ms_fused_step *p, int32_t k) {
-  sum_part_of(m->unknowns.dims, find_spring_kind(m, p), m, p, k);
+  const spring_kind kind = find_spring_kind(m, p);
+  if (m->unknowns.dims == 3 && kind == UNDAMPED) sum_part_of(3, UNDAMPED, m, p, k);
+  else if (m->unknowns.dims == 3 && kind == DAMPED) sum_part_of(3, DAMPED, m, p, k);
+  else sum_part_of(m->unknowns.dims, kind, m, p, k);
 }
 
 const ms_force_kernels MS_TABLE(FORCE_KERNELS) = {step_slices, sum_part};
