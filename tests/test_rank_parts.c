@@ -243,7 +243,8 @@ static const char *compare_rows(const ms_scene *s, const built *b) {
       const int32_t n = list_row(&h, &springs, r, there);
       if (list_row(&b->half_edges, &b->springs, own, here) != n) wrong = "other half-edges";
       else if (memcmp(here, there, 4 * (size_t)n) != 0) wrong = "another order of half-edges";
-      if ((h.first_part[r] >= 0) != (b->half_edges.first_part[own] >= 0)) wrong = "another split";
+      if (ms_half_edges_is_split(&h, r) != ms_half_edges_is_split(&b->half_edges, own))
+        wrong = "another split";
     }
     if (!wrong) wrong = compare_corners(s, &island, &rows, row_of, b);
     ms_layout_destroy(s, &rows, &springs, &h);

@@ -72,7 +72,7 @@ static lane_cursors begin_slice(const ms_adjacency *a, const ms_half_edges *half
                                 int32_t nfree, int32_t slice) {
   lane_cursors h = {.row = slice * MS_SLICE};
   for (int32_t lane = 0; lane < MS_SLICE && h.row + lane < nfree; lane++) {
-    if (half_edges->first_part[h.row + lane] >= 0) continue;
+    if (ms_half_edges_is_split(half_edges, h.row + lane)) continue;
     h.next[lane] = a->half_edges + a->first[h.row + lane];
     h.end[lane] = a->half_edges + a->first[h.row + lane + 1];
   }
@@ -208,6 +208,10 @@ static msim_status make_slice_ranges(const ms_scene *scene, const ms_unknowns *r
       !MS_NEW(alloc, out->first, (size_t)out->nslices + nparts + 1))
     return ms_error_set_memory(err, "the half-edges of the springs");
   number_parts(a, out);
+  if (!nparts) {
+    ms_memory_free(alloc, out->first_part);
+    out->first_part = NULL;
+  }
   const int64_t entries = number_entries(a, rows, out);
   if (entries > INT32_MAX / MS_SLICE)
     return ms_error_set(err, MSIM_ERR_ARG,
@@ -228,7 +232,7 @@ static msim_status make_entries(const ms_scene *scene, const ms_unknowns *rows,
   out->nscattered = 0;
   for (int32_t g = 0; g < out->nslices; g++) fill_slice(a, rows, g, out);
   for (int32_t r = 0; r < rows->nfree; r++)
-    if (out->first_part[r] >= 0) fill_split_row(a, rows, r, out);
+    if (ms_half_edges_is_split(out, r)) fill_split_row(a, rows, r, out);
   return MSIM_OK;
 }
 

@@ -37,7 +37,8 @@ typedef struct ms_half_edges {
   int32_t nentries;    /* entries of 8 half-edges each */
   int32_t nscattered;  /* of these, those whose neighbours are scattered */
   int32_t *first;      /* nslices + nparts + 1: the first entry of each slice range */
-  int32_t *first_part; /* first_pinned: the first part of a split row; -1: the row is not split */
+  int32_t *first_part; /* first_pinned: the first part of a split row; -1: the row is not split;
+                          NULL: none is */
   int32_t *part_row;   /* nparts: the row of each part */
   double *part_sums;   /* 6 x 8 nparts: up to 6 sums per lane, component by component; scratch */
   ms_half_edge_entry *entry;  /* nentries */
@@ -67,10 +68,15 @@ typedef struct ms_half_edge_span {
   int32_t begin, end, step;
 } ms_half_edge_span;
 
+static inline int ms_half_edges_is_split(const ms_half_edges *h, int32_t row) {
+  return h->first_part && h->first_part[row] >= 0;
+}
+
 static inline ms_half_edge_span ms_half_edges_of_row(const ms_half_edges *h, int32_t row) {
-  const int32_t part = h->first_part[row], g = row / MS_SLICE, lane = row % MS_SLICE;
-  if (part < 0)
+  const int32_t g = row / MS_SLICE, lane = row % MS_SLICE;
+  if (!ms_half_edges_is_split(h, row))
     return (ms_half_edge_span){MS_SLICE * h->first[g] + lane, MS_SLICE * h->first[g + 1], MS_SLICE};
+  const int32_t part = h->first_part[row];
   int32_t last = part;
   while (last < h->nparts && h->part_row[last] == row) last++;
   return (ms_half_edge_span){MS_SLICE * h->first[h->nslices + part],

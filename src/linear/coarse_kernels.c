@@ -79,15 +79,17 @@ MS_INLINE void restrict_rows_of(size_t dims, int single, ms_coarse *coarse, cons
   const double *doubles = r;
   const float *floats = r;
   const float *weight = coarse->aggregates.weight;
-  const int32_t *part = coarse->restriction.part;
+  const uint16_t *part = coarse->restriction.part;
+  const size_t first =
+      (size_t)coarse->restriction.first[begin / (MS_SLICE * MS_RESTRICTION_SLICES)];
   const size_t stride = (size_t)coarse->model->unknowns.stride;
   for (size_t row = begin, met = 0; row < end;) {
-    const int32_t own = part[row];
-    double *to = coarse->restriction.sums + MS_MODES * dims * (size_t)own;
+    const size_t own = part[row];
+    double *to = coarse->restriction.sums + MS_MODES * dims * (first + own);
     ms_quad sum[3] = {{0}};
-    if ((size_t)own < met)
+    if (own < met)
       for (size_t c = 0; c < dims; c++) sum[c] = ms_simd_load_quad(to + MS_MODES * c);
-    else met = (size_t)own + 1;
+    else met = own + 1;
     for (; row < end && part[row] == own; row++) {
       const ms_quad w = ms_simd_load_float_quad(weight + MS_MODES * row);
       for (size_t c = 0; c < dims; c++)

@@ -11,10 +11,11 @@
 enum { MS_RESTRICTION_SLICES = 128 }; /* in a chunk */
 
 typedef struct ms_restriction {
-  int32_t *part; /* first_pinned: the part of each row. Parts are numbered by their first rows; rows
-                    of no aggregate are parts as well. */
-  ms_buckets of; /* the parts of each aggregate, ascending */
-  double *sums;  /* of each part: 4 modes times components */
+  int32_t *first; /* of each chunk: its first part. Parts are numbered by their first rows, chunk by
+                     chunk; rows of no aggregate are parts as well. */
+  uint16_t *part; /* first_pinned: the part of each row, counted from the first of its chunk */
+  ms_buckets of;  /* the parts of each aggregate, ascending */
+  double *sums;   /* of each part: 4 modes times components */
 } ms_restriction;
 
 msim_status ms_restriction_create(const ms_model *model, const ms_aggregates *a, ms_restriction *r,

@@ -94,13 +94,13 @@ MS_INLINE void set_single_rows_of(int dims, int has_base, const ms_model *model,
 
 MS_INLINE void set_rows_of(int dims, const ms_model *model, int32_t begin, int32_t end) {
   const struct ms_law_springs *s = model->laws;
-  const int32_t *first_part = model->half_edges.first_part, *first = s->first;
+  const int32_t *first = s->first;
   const size_t stride = (size_t)model->unknowns.stride, slots = (size_t)s->nslots;
   const double *scratch = s->scratch, *base = model->base_force;
   double *added = model->added_force;
   for (int32_t r = begin; r < end; r++) {
     const ms_law_end *at = s->end + first[r], *last = s->end + first[r + 1];
-    const double *others = first_part[s->row[r]] >= 0 ? added : base;
+    const double *others = ms_half_edges_is_split(&model->half_edges, s->row[r]) ? added : base;
     const size_t to = (size_t)s->row[r];
     double sum[3];
     for (size_t c = 0; c < (size_t)dims; c++) sum[c] = at->sign * (scratch + at->slot)[c * slots];

@@ -59,7 +59,8 @@ static void list_rows(const ms_model *model, const int32_t *slot, int single,
   int32_t n = s->first[s->nrows];
   for (int32_t r = 0; r < model->unknowns.nfree; r++) {
     const int32_t ends = list_row_ends(model, slot, r, NULL);
-    if (ends == 0 || (ends == 1 && model->half_edges.first_part[r] < 0) != single) continue;
+    if (ends == 0 || (ends == 1 && !ms_half_edges_is_split(&model->half_edges, r)) != single)
+      continue;
     n += list_row_ends(model, slot, r, s->end + n);
     s->row[s->nrows++] = r, s->first[s->nrows] = n;
   }
