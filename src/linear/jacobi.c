@@ -73,7 +73,7 @@ static void choose_scales(const ms_model *model, const ms_coefficients *a, ms_ja
 static double compression_shift(const ms_model *model, const ms_coefficients *a, int32_t row) {
   const ms_half_edge_span span = ms_half_edges_of_row(&model->half_edges, row);
   double sum = 0;
-  for (int32_t at = span.begin; at < span.end; at += span.step) sum += fmax(0, -a->t[at]);
+  for (int32_t at = span.begin; at < span.end; at += span.step) sum -= a->t[at] < 0 ? a->t[at] : 0;
   return sum + ms_angle_springs_shift(model, a, row);
 }
 
