@@ -3,14 +3,15 @@
 
 #include "physics/lanes.h"
 
-/* a.b in the order of the loop over components of a split row */
+/* a.b, not by ms_dot_vec(), which fuses */
 MS_INLINE ms_lanes dot(int dims, ms_lane_vectors a, ms_lane_vectors b) {
   ms_lanes sum = a.c[0] * b.c[0];
   for (int c = 1; c < dims; c++) sum += a.c[c] * b.c[c];
   return sum;
 }
 
-/* sum += h^2 K (z_j - z_i) of an entry; x, v and z of its rows */
+/* sum += h^2 K (z_j - z_i) of an entry; x, v and z of its rows. With z for z_j - z_i
+ *   h^2 K z = h^2 c/l^2 ((d.w) z + (w.z - 2 (d.w)(d.z)/l^2) d). */
 MS_INLINE void add_entry(int dims, const ms_damping_job *j, int32_t entry, size_t lane,
                          const ms_lane_vectors own[3], ms_lane_vectors *sum) {
   const ms_half_edges *half_edges = &j->model->half_edges;
@@ -32,20 +33,22 @@ MS_INLINE void add_entry(int dims, const ms_damping_job *j, int32_t entry, size_
     sum->c[c] += ms_simd_select(acts, by * (rate * along.c[c] + turn * d.c[c]), zero);
 }
 
+/* y -= the sums of slices; the negative sums of parts go to part_sums. */
 MS_INLINE void apply_of(int dims, const ms_damping_job *j, int32_t begin, int32_t end) {
   const ms_half_edges *half_edges = &j->model->half_edges;
   const size_t stride = (size_t)j->model->unknowns.stride;
   const double *const vectors[3] = {j->t->x, j->t->v, j->z};
-  for (int32_t s = begin; s < end; s++)
+  for (int32_t range = begin; range < end; range++) {
+    const ms_slice_range p = ms_slice_range_at(half_edges, range, j->y, stride);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-      const size_t row = MS_SLICE * (size_t)s + lane;
-      ms_lane_vectors own[3], sum = {{{0}}};
-      for (int k = 0; k < 3; k++) own[k] = ms_load_vec(dims, vectors[k] + row, stride);
-      for (int32_t entry = half_edges->first[s]; entry < half_edges->first[s + 1]; entry++)
+      ms_lane_vectors own[3], sum = {{{0}}}, y = sum;
+      for (int k = 0; k < 3; k++) own[k] = ms_load_own(dims, p, lane, vectors[k], stride);
+      for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++)
         add_entry(dims, j, entry, lane, own, &sum);
-      const ms_lane_vectors y = ms_load_vec(dims, j->y + row, stride);
-      ms_store_vec(dims, j->y + row, stride, ms_subtract_vec(dims, y, sum));
+      if (!p.is_split) y = ms_load_vec(dims, p.sums + lane, p.stride);
+      ms_store_vec(dims, p.sums + lane, p.stride, ms_subtract_vec(dims, y, sum));
     }
+  }
 }
 
 static void apply(const ms_damping_job *j, int32_t begin, int32_t end) {

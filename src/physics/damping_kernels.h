@@ -14,7 +14,7 @@ typedef struct ms_damping_job {
 } ms_damping_job;
 
 typedef struct ms_damping_kernels {
-  /* The rows of the slices [begin, end) that are not split */
+  /* y -= the products of the slice ranges [begin, end); those of parts: to part_sums */
   void (*apply)(const ms_damping_job *job, int32_t begin, int32_t end);
 } ms_damping_kernels;
 
