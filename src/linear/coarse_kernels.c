@@ -80,8 +80,7 @@ MS_INLINE void restrict_rows_of(size_t dims, int single, ms_coarse *coarse, cons
   const float *floats = r;
   const float *weight = coarse->aggregates.weight;
   const uint16_t *part = coarse->restriction.part;
-  const size_t first =
-      (size_t)coarse->restriction.first[begin / (MS_SLICE * MS_RESTRICTION_SLICES)];
+  const size_t first = (size_t)coarse->restriction.first[begin / MS_RESTRICTION_ROWS];
   const size_t stride = (size_t)coarse->model->unknowns.stride;
   for (size_t row = begin, met = 0; row < end;) {
     const size_t own = part[row];

@@ -1,7 +1,5 @@
 #include "linear/restriction.h"
 
-enum { CHUNK = MS_SLICE * MS_RESTRICTION_SLICES }; /* rows in a chunk */
-
 /* last: of each aggregate, and of none, the last part so far; -1: none yet. of_part: the aggregate
  * of each part. Returns their number. */
 static int32_t number_parts_of_rows(const ms_aggregates *a, int32_t nrows, int32_t *last,
@@ -10,7 +8,7 @@ static int32_t number_parts_of_rows(const ms_aggregates *a, int32_t nrows, int32
   for (int32_t k = 0; k <= a->n; k++) last[k] = -1;
   for (int32_t r = 0; r < nrows; r++) {
     int32_t *own = &last[a->of[r] < 0 ? a->n : a->of[r]];
-    if (r % CHUNK == 0) first = parts->first[r / CHUNK] = n;
+    if (r % MS_RESTRICTION_ROWS == 0) first = parts->first[r / MS_RESTRICTION_ROWS] = n;
     if (*own < first) of_part[n] = a->of[r], *own = n++;
     parts->part[r] = (uint16_t)(*own - first);
   }
@@ -24,7 +22,8 @@ msim_status ms_restriction_create(const ms_model *model, const ms_aggregates *a,
   int32_t *last = NULL, *of_part = NULL;
   *r = (ms_restriction){0};
   int fits = MS_NEW(alloc, last, (size_t)a->n + 1) && MS_NEW(alloc, of_part, rows) &&
-             MS_NEW(alloc, r->part, rows) && MS_NEW(alloc, r->first, rows / CHUNK + 1);
+             MS_NEW(alloc, r->part, rows) &&
+             MS_NEW(alloc, r->first, rows / MS_RESTRICTION_ROWS + 1);
   if (fits) {
     const int32_t n = number_parts_of_rows(a, rows, last, r, of_part);
     fits = ms_buckets_create(alloc, n, of_part, a->n, &r->of) &&

@@ -8,7 +8,8 @@
 #include "base/buckets.h"
 #include "linear/aggregates.h"
 
-enum { MS_RESTRICTION_SLICES = 128 }; /* in a chunk */
+/* In a chunk */
+enum { MS_RESTRICTION_SLICES = 128, MS_RESTRICTION_ROWS = MS_SLICE * MS_RESTRICTION_SLICES };
 
 typedef struct ms_restriction {
   int32_t *first; /* of each chunk: its first part. Parts are numbered by their first rows, chunk by
