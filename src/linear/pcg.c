@@ -389,17 +389,13 @@ static void pcg_descend(ms_linear *base, const ms_descent_target *d, const doubl
 /* z = B r: one iteration with alpha = beta = 0 */
 static void pcg_precondition(ms_linear *base, const double *r, double *z) {
   ms_pcg *s = (ms_pcg *)base;
-  const ms_shape shape = base->system->model->shape;
   place_vectors(s, 0);
-  ms_vector_clear_all(shape, s->r);
-  ms_vector_clear_all(shape, s->q);
-  ms_vector_clear_all(shape, s->p);
   s->y = s->residual; /* y += 0 p */
-  ms_vector_copy(shape, r, s->r);
-  ms_vector_scale(shape, 1 / s->jacobi.scale, s->r);
+  s->rho = 0;
+  begin_iteration(s, r);
   pcg_solve_coarse(s, (double[2]){pcg_reduce(s, 0)});
   pcg_advance(s, 0, 0);
-  ms_vector_copy(shape, s->p, z);
+  ms_vector_copy(base->system->model->shape, s->p, z);
 }
 
 /*------------------------------------- creation and destruction ---------------------------------*/
