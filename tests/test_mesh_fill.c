@@ -281,6 +281,27 @@ static void an_apex_is_held_in_all_directions(void **state) {
   msim_scene_destroy(spire);
 }
 
+/* A vertex far from all points, as a damaged file may have: its lattice is very long, but all of it
+ * is searched in less than a moment; whole shells of offsets would take hours. */
+static void a_far_vertex_is_tied_at_once(void **state) {
+  (void)state;
+  double x[24];
+  place_cube(0, 1, x);
+  x[0] = -3000;
+  msim_scene *scene = add_filled(8, x, 12, cube_faces, 0.2);
+  const msim_scene_view view = view_of(scene);
+  int32_t n = 0;
+  double least = INFINITY;
+  for (int32_t e = 0; e < view.nsprings; e++) n += view.ij[2 * e] == 0 && view.ij[2 * e + 1] >= 8;
+  for (int32_t p = 8; p < view.nparticles; p++) least = fmin(least, view.x[3 * p]);
+  assert_true(is_connected(&view));
+  assert_int_equal(n, 4);
+  for (int32_t e = 0; e < view.nsprings; e++)
+    if (view.ij[2 * e] == 0 && view.ij[2 * e + 1] >= 8)
+      assert_true(view.x[3 * view.ij[2 * e + 1]] <= least + 3 * 0.2 * (1 + 1e-9));
+  msim_scene_destroy(scene);
+}
+
 /* MSIM_FILL_AUTO: a sixth of the shortest edge of the bounding box */
 static void the_spacing_follows_from_the_bounding_box(void **state) {
   (void)state;
@@ -301,6 +322,7 @@ int main(void) {
                                      cmocka_unit_test(no_spring_crosses_a_gap),
                                      cmocka_unit_test(vertices_are_tied_to_the_nearest_points),
                                      cmocka_unit_test(an_apex_is_held_in_all_directions),
+                                     cmocka_unit_test(a_far_vertex_is_tied_at_once),
                                      cmocka_unit_test(the_spacing_follows_from_the_bounding_box)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

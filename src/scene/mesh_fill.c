@@ -121,18 +121,18 @@ static msim_status add_lattice_springs(const msim_allocator *alloc, const ms_ins
 
 static msim_status add_ties(const msim_allocator *alloc, const ms_surface *s, const ms_inside *in,
                             const int32_t *number, ms_fill *fill, msim_error *err) {
-  uint8_t *has_points;
-  if (!MS_NEW(alloc, has_points, s->nvertices)) return ms_error_set_memory(err, "a mesh");
+  int32_t *points_of_part;
+  if (!MS_NEW(alloc, points_of_part, s->nvertices)) return ms_error_set_memory(err, "a mesh");
   msim_status status = MSIM_OK;
   for (int32_t p = 0; p < ms_inside_count(in); p++)
-    if (in->part[p] >= 0) has_points[in->part[p]] = 1;
+    if (in->part[p] >= 0) points_of_part[in->part[p]]++;
   for (int32_t v = 0; v < s->nvertices; v++) {
     int32_t points[MS_MAX_TIES];
-    const int32_t n = ms_mesh_find_ties(s, in, has_points, v, points);
+    const int32_t n = ms_mesh_find_ties(s, in, points_of_part, fill->n, v, points);
     for (int32_t i = 0; i < n && !status; i++)
       status = append_spring(alloc, fill, v, s->nvertices + number[points[i]], err);
   }
-  ms_memory_free(alloc, has_points);
+  ms_memory_free(alloc, points_of_part);
   return status;
 }
 

@@ -47,16 +47,24 @@ static int is_held(const nearest *list, int32_t n) {
          LEAST_SUPPORT;
 }
 
+/* The number of points within a distance, in spacings */
+static int32_t count_within(const nearest *list, double distance) {
+  int32_t n = 0;
+  while (n < list->n && list->at[n].squared <= distance * distance) n++;
+  return n;
+}
+
 /* Those within the length of a tie, but at least LEAST_TIES */
 static int32_t least_ties(const nearest *list) {
-  int32_t n = 0;
-  while (n < list->n && list->at[n].squared <= TIE_LENGTH * TIE_LENGTH) n++;
+  const int32_t n = count_within(list, TIE_LENGTH);
   return n > LEAST_TIES ? n : LEAST_TIES;
 }
 
-/* The number of ties that hold the vertex; 0: more points than those within `known` are needed. */
-static int32_t count_ties(const nearest *list, double known) {
-  for (int32_t n = least_ties(list); n <= list->n && list->at[n - 1].squared <= known * known; n++)
+/* The number of ties that hold the vertex, beyond `without`, which do not; 0: more than the first
+ * `known` points are needed. */
+static int32_t count_ties(const nearest *list, int32_t without, int32_t known) {
+  const int32_t least = least_ties(list);
+  for (int32_t n = without < least ? least : without + 1; n <= known; n++)
     if (is_held(list, n)) return n;
   return 0;
 }
@@ -83,21 +91,43 @@ static void add_point(const tie_search *q, const int32_t offset[3], nearest *lis
   insert_tie(list, t);
 }
 
-/* The points whose largest offset from the center is r */
-static void add_shell(const tie_search *q, int32_t r, nearest *list) {
-  for (int32_t x = -r; x <= r; x++)
-    for (int32_t y = -r; y <= r; y++) {
-      const int32_t step = r > 0 && abs(x) < r && abs(y) < r ? 2 * r : 1;
-      for (int32_t z = -r; z <= r; z += step) add_point(q, (const int32_t[]){x, y, z}, list);
-    }
+/* Offsets from the center along one axis, first, first + step, ... to last */
+typedef struct offsets {
+  int32_t first, last, step;
+} offsets;
+
+/* Those up to r inside the lattice */
+static offsets clip_offsets(const tie_search *q, int c, int32_t r) {
+  const int32_t below = q->center[c], above = q->in->n[c] - 1 - below;
+  return (offsets){-(r < below ? r : below), r < above ? r : above, 1};
 }
 
-int32_t ms_mesh_find_ties(const ms_surface *s, const ms_inside *in, const uint8_t *part_has_points,
-                          int32_t v, int32_t points[MS_MAX_TIES]) {
+/* 1: -r or r is among them. */
+static int reaches(offsets a, int32_t r) { return a.first == -r || a.last == r; }
+
+/* The points whose largest offset from the center is r: loops visit no inner ones where the lattice
+ * does not reach that far, as it may be much longer than wide. */
+static void add_shell(const tie_search *q, int32_t r, nearest *list) {
+  const offsets ends = {-r, r, 2 * r}, xs = clip_offsets(q, 0, r), ys = clip_offsets(q, 1, r),
+                zs = clip_offsets(q, 2, r);
+  const offsets along_x = reaches(ys, r) || reaches(zs, r) ? xs : ends;
+  for (int32_t x = along_x.first; x <= along_x.last; x += along_x.step) {
+    const offsets along_y = abs(x) == r || reaches(zs, r) ? ys : ends;
+    for (int32_t y = along_y.first; y <= along_y.last; y += along_y.step) {
+      const offsets along_z = abs(x) == r || abs(y) == r ? zs : ends;
+      for (int32_t z = along_z.first; z <= along_z.last; z += along_z.step)
+        add_point(q, (const int32_t[]){x, y, z}, list);
+    }
+  }
+}
+
+int32_t ms_mesh_find_ties(const ms_surface *s, const ms_inside *in, const int32_t *points_of_part,
+                          int32_t npoints, int32_t v, int32_t points[MS_MAX_TIES]) {
   nearest list = {0};
   tie_search q = {.in = in, .x = s->x + 3 * (size_t)v, .part = in->vertex[v]};
-  int32_t count = 0, most = 0;
-  if (!part_has_points[q.part]) q.part = -1;
+  int32_t count = 0, tried = 0, most = 0;
+  if (points_of_part[q.part]) npoints = points_of_part[q.part];
+  else q.part = -1;
   for (int c = 0; c < 3; c++) {
     const double at = round((q.x[c] - in->origin[c]) / in->spacing);
     q.center[c] = (int32_t)fmin(fmax(at, 0), in->n[c] - 1);
@@ -106,9 +136,11 @@ int32_t ms_mesh_find_ties(const ms_surface *s, const ms_inside *in, const uint8_
   /* points beyond shell r are farther than r + 1/2 spacings */
   for (int32_t r = 0; r < most && !count; r++) {
     add_shell(&q, r, &list);
-    const double known = r + 0.5;
-    if (known >= TIE_LENGTH) count = count_ties(&list, known);
-    if (list.n == MS_MAX_TIES && list.at[list.n - 1].squared <= known * known) break;
+    const double reach = list.n == npoints ? INFINITY : r + 0.5;
+    const int32_t known = count_within(&list, reach);
+    if (reach >= TIE_LENGTH && known > tried)
+      count = count_ties(&list, tried, known), tried = known;
+    if (known == MS_MAX_TIES || known == npoints) break;
   }
   if (!count) count = least_ties(&list) < list.n ? least_ties(&list) : list.n;
   for (int32_t i = 0; i < count; i++) points[i] = list.at[i].point;
