@@ -45,7 +45,8 @@ UNUSED = {
                  "f -3 -2 -1\nf -4 -1 -2\n", 1),
     "faces_first.obj": (OBJ[OBJ.index("f"):] + OBJ[:OBJ.index("f")] + "v 0 0 9", 1),
     "equal.obj": (OBJ + "v 0 0 0\nv 0 0 0\nf 5 3 2\n", 1),
-    "line.obj": (OBJ + "v 5 5 5\nv 6 6 6\nv 7 7 7\nl 5 6\n", 3),
+    "line.obj": (OBJ + "v 5 5 5\nv 6 6 6\nv 7 7 7\nl 5 6\nl 1 2\np 3\n", 3),
+    "mac.obj": ((OBJ + "v 5 5 5\n").replace("\n", "\r"), 1),
     "normals.obj": (OBJ + "vt 0 0\nvn 0 0 1\nv\t3 4 5\n# v 1 2 3\nvp 1 2 3\n", 1),
 }
 

@@ -67,13 +67,14 @@ static void add_vertices(const struct aiMesh *mesh, const double t[12], arrays *
              t[4 * i + 2] * (double)mesh->mVertices[v].z + t[4 * i + 3];
 }
 
-/* A mirrored node has its faces turned, so that they are seen from the same side. */
+/* Meshes are sorted: those without triangles consist of points or lines, which are left out. A
+ * mirrored node has its faces turned, so that they are seen from the same side. */
 static void add_mesh(const struct aiMesh *mesh, const double t[12], arrays *to) {
   const int second = determinant(t) < 0 ? 2 : 1;
+  if (!(mesh->mPrimitiveTypes & aiPrimitiveType_TRIANGLE)) return;
   if (to->vertices) add_vertices(mesh, t, to);
   for (unsigned f = 0; f < mesh->mNumFaces; f++) {
     const struct aiFace *face = &mesh->mFaces[f];
-    if (face->mNumIndices != 3) continue; /* a point or a line */
     int64_t *corner = to->faces ? to->faces + 3 * to->nfaces : NULL;
     to->nfaces++;
     if (!corner) continue;
@@ -250,7 +251,7 @@ static const struct aiScene *import(const msim_host *host, const char *path, msi
     aiReleaseImport(scene);
     return NULL;
   }
-  scene = aiApplyPostProcessing(scene, aiProcess_Triangulate);
+  scene = aiApplyPostProcessing(scene, aiProcess_Triangulate | aiProcess_SortByPType);
   if (!scene) *status = fail_import(host);
   return scene;
 }

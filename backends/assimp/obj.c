@@ -13,7 +13,7 @@ typedef struct obj {
   char *is_used; /* of each vertex */
   int64_t n, room;
   int64_t nbefore; /* vertices before the present line, to which negative corners refer */
-  int is_element;  /* the present line is a face, a line or a point, or continues one */
+  int is_face;     /* the present line is a face, or continues one */
   int lacks_memory;
 } obj;
 
@@ -31,7 +31,7 @@ static void add_vertex(obj *o) {
 /* Corners are v, v/vt, v//vn or v/vt/vn; v counts from 1, or, if negative, back from the last
  * vertex. */
 static void mark_corners(obj *o, char *corners) {
-  const char *const separators = " \t\r\n\\";
+  const char *const separators = " \t\\";
   char *rest;
   for (char *word = strtok_r(corners, separators, &rest); word;
        word = strtok_r(NULL, separators, &rest)) {
@@ -42,30 +42,35 @@ static void mark_corners(obj *o, char *corners) {
 }
 
 /* Faces may precede their vertices, which are read first. */
-typedef enum reading { VERTICES, ELEMENTS } reading;
+typedef enum reading { VERTICES, FACES } reading;
 
 static void read_line(obj *o, char *line, reading what) {
-  const int continues = o->is_element; /* the line before ends with a backslash */
+  const int continues = o->is_face; /* the line before ends with a backslash */
   line += strspn(line, " \t");
   const char keyword = *line && strchr(" \t", line[1]) ? *line : '\0';
-  const size_t length = strcspn(line, "\r\n");
+  const size_t length = strlen(line);
   const int ends = length == 0 || line[length - 1] != '\\';
   if (!continues && keyword == 'v') {
     if (what == VERTICES) add_vertex(o);
     else o->nbefore++;
   }
-  o->is_element = continues || keyword == 'f' || keyword == 'l' || keyword == 'p';
-  if (o->is_element && what == ELEMENTS) mark_corners(o, continues ? line : line + 1);
-  if (ends) o->is_element = 0;
+  o->is_face = continues || keyword == 'f';
+  if (o->is_face && what == FACES) mark_corners(o, continues ? line : line + 1);
+  if (ends) o->is_face = 0;
 }
 
+/* Lines end with \n, \r\n or \r. */
 static void read_lines(obj *o, FILE *file, reading what) {
-  char *line = NULL;
+  char *lines = NULL, *rest;
   size_t room = 0;
   assimp_skip_mark(file);
-  o->is_element = 0;
-  while (!o->lacks_memory && getline(&line, &room, file) >= 0) read_line(o, line, what);
-  free(line);
+  o->is_face = 0;
+  while (!o->lacks_memory && getline(&lines, &room, file) >= 0) {
+    char *line = strtok_r(lines, "\r\n", &rest);
+    if (!line) o->is_face = 0; /* it is empty */
+    for (; line; line = strtok_r(NULL, "\r\n", &rest)) read_line(o, line, what);
+  }
+  free(lines);
 }
 
 msim_status assimp_obj_count_unused(const msim_host *host, const char *path, int64_t *n) {
@@ -75,7 +80,7 @@ msim_status assimp_obj_count_unused(const msim_host *host, const char *path, int
   FILE *file = extension && strcasecmp(extension, ".obj") == 0 ? fopen(path, "rb") : NULL;
   if (!file) return MSIM_OK;
   read_lines(&o, file, VERTICES);
-  read_lines(&o, file, ELEMENTS);
+  read_lines(&o, file, FACES);
   fclose(file);
   for (int64_t v = 0; v < o.n; v++) *n += !o.is_used[v];
   free(o.is_used);
