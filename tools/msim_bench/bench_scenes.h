@@ -22,8 +22,8 @@ const bench_scene *scene_named(const char *name);
 /* A cloth of 1 m x 1 m and 0.3 kg, all springs of stiffness k; `pinned` is not copied. */
 msim_cloth bench_cloth(int32_t side, double k, int32_t npinned, const int32_t *pinned);
 
-/* A scene in motion, half a second after its release: a cloth is folded and wrinkled, a jelly
- * swings. */
+/* A scene in motion, half a second after its release, cloth1000 a tenth: a cloth is folded and
+ * wrinkled, a jelly swings. */
 typedef struct moving_scene {
   const bench_scene *kind;
   double k;        /* of each spring, N/m */
@@ -44,9 +44,9 @@ msim_status moving_scene_build(const bench_scene *kind, double k, const msim_all
  * 0 on failure and sets m->err. Call moving_scene_free in any case. */
 int moving_scene_create_perturbed(const bench_scene *kind, double k, moving_scene *m);
 
-/* Makes the scene and advances it by 0.5 s, or less if that takes more than `seconds` of wall time;
- * m->state.t is the time reached. until: when to give up, on the clock of clock_seconds. Returns 0
- * on failure and sets m->err. Call moving_scene_free in any case. */
+/* Makes the scene and advances it by so much, or less if that takes more than `seconds` of wall
+ * time; m->state.t is the time reached. until: when to give up, on the clock of clock_seconds.
+ * Returns 0 on failure and sets m->err. Call moving_scene_free in any case. */
 int moving_scene_create(const bench_scene *kind, double k, int32_t threads, double seconds,
                         double until, moving_scene *m);
 void moving_scene_free(moving_scene *m);
