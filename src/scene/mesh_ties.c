@@ -105,8 +105,8 @@ static offsets clip_offsets(const tie_search *q, int c, int32_t r) {
 /* 1: -r or r is among them. */
 static int reaches(offsets a, int32_t r) { return a.first == -r || a.last == r; }
 
-/* The points whose largest offset from the center is r: loops visit no inner ones where the lattice
- * does not reach that far, as it may be much longer than wide. */
+/* The points whose largest offset from the center is r. An axis has only the offsets -r and r where
+ * no later one reaches r, as the lattice may be much longer than wide. All axes reach r = 0. */
 static void add_shell(const tie_search *q, int32_t r, nearest *list) {
   const offsets ends = {-r, r, 2 * r}, xs = clip_offsets(q, 0, r), ys = clip_offsets(q, 1, r),
                 zs = clip_offsets(q, 2, r);
