@@ -35,7 +35,7 @@ typedef struct ms_stepper {
   double h_before;     /* of the step that led to the present state, or its last substep */
   int64_t parts;       /* substeps of equal length in the step being made */
   int64_t part;        /* the one being made, from 0 */
-  ms_bounds bounds;    /* of the island, if the method has stages(), or with planes or colliders */
+  ms_bounds bounds;    /* of the island, for Newton's method, stages(), and with obstacles */
   double *x_spare[2];  /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];
   int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
@@ -108,8 +108,8 @@ static inline void ms_stepper_swap(double **a, double **b) {
   *a = *b, *b = between;
 }
 
-/* Sets s->bounds, on which the number of stages and the location of impacts depend, after the
- * method, springs or forces changed. */
+/* Sets s->bounds, on which the number of stages, the location of impacts and the rounding errors of
+ * Newton's method depend, after the method, springs or forces changed. */
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 
 /* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */

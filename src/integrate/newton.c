@@ -348,10 +348,10 @@ static double forcing_tolerance(const newton *n, double before) {
   return fmax(fmin(fmax(0.9 * ratio * ratio, enough), 0.1), n->s->opt->solver_rtol);
 }
 
-/* Changes of v that are lost in the rounding of v or x = x0 + ah v */
+/* Corrections by the rounding of v, and of x = x0 + ah v, where stiff forces keep x */
 static double rounding_level(const newton *n) {
-  const ms_newton_stage *g = n->stage;
-  return 4 * DBL_EPSILON * (newton_norm(n, g->v) + newton_norm(n, g->x) / g->ah);
+  const double ah = n->stage->ah, z = ah * n->s->bounds.omega, kept = fmin(1, z * z) / ah;
+  return 4 * DBL_EPSILON * (newton_norm(n, n->stage->v) + kept * newton_norm(n, n->stage->x));
 }
 
 /* 1: with `more` further corrections, each theta times the one before, the error is small:
