@@ -144,19 +144,24 @@ ms_attempt ms_control_begin_attempt(const ms_control *c, double t, double left) 
   return (ms_attempt){.t = t, .left = left, .planned = c->h, .h = ms_control_next_step(c, left)};
 }
 
+int ms_control_is_shortened(double impact) { return impact < 1 - 1e-9; }
+
 ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
                                     double impact) {
   enum { MOST_CUTS = 8 };
-  const double AT_END = 1 - 1e-9;
-  ms_control after = *c;
-  if (status) ms_control_reject_failed(&after, a->h);
-  if (status || !ms_control_update(&after, a->h, error)) {
-    *c = after;
-    *a = ms_control_begin_attempt(c, a->t, a->left);
-    return c->h < 16 * DBL_EPSILON * fmax(fabs(a->t), c->span) ? MS_TOO_SHORT : MS_TRY_AGAIN;
+  const int is_cut = ms_control_is_shortened(impact) && a->times_shortened < MOST_CUTS;
+  if (status || !isnan(error) || !is_cut) {
+    ms_control after = *c;
+    if (status) ms_control_reject_failed(&after, a->h);
+    if (status || !ms_control_update(&after, a->h, error)) {
+      *c = after;
+      *a = ms_control_begin_attempt(c, a->t, a->left);
+      return c->h < 16 * DBL_EPSILON * fmax(fabs(a->t), c->span) ? MS_TOO_SHORT : MS_TRY_AGAIN;
+    }
+    if (a->times_shortened == 0) *c = after;
+    if (!is_cut) return MS_ACCEPTED;
   }
-  if (a->times_shortened == 0) *c = after;
-  if (a->times_shortened++ == MOST_CUTS || !(impact < AT_END)) return MS_ACCEPTED;
+  a->times_shortened++;
   ms_control_reset(c);
   a->h *= impact;
   return MS_TRY_AGAIN;

@@ -73,9 +73,13 @@ typedef enum ms_verdict { MS_ACCEPTED, MS_TRY_AGAIN, MS_TOO_SHORT } ms_verdict;
 
 ms_attempt ms_control_begin_attempt(const ms_control *c, double t, double left);
 
+/* 1: a step with the first impact after that share of it, or MS_NOWHERE, is to end there. */
+int ms_control_is_shortened(double impact);
+
 /* Accepts or rejects the step of a->h just made, and sets the next a->h. error: the relative one;
- * impact: the share of the step before the first, or MS_NOWHERE. MS_TOO_SHORT: the next step would
- * be lost in the rounding of t. */
+ * NaN: not known, which a step that is shortened does not need; impact: the share of the step
+ * before the first, or MS_NOWHERE. MS_TOO_SHORT: the next step would be lost in the rounding of t.
+ */
 ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
                                     double impact);
 

@@ -90,11 +90,13 @@ int32_t ms_island_step_count_retries(const msim_sim *sim) {
   return method->nonlinear || may_gain_energy ? USUAL : 0;
 }
 
-/* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. */
+/* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. With
+ * an impact inside there are none: the step will be shortened, and its error is not known, as the
+ * second half step would begin behind the plane or after the impact. */
 static msim_status make_doubled_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   const int64_t contacts = s->stats->contacts;
   msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
-  if (status) return status;
+  if (status || ms_control_is_shortened(s->impact)) return status;
   s->stats->contacts = contacts;
   if (s->events) ms_contact_set_save_start(s->events, s->model->shape);
   const int moved = s->events && s->events->moved;
@@ -136,7 +138,8 @@ msim_status ms_island_step_make_controlled(const msim_sim *sim, ms_island_sim *m
   s->one_substep = 0;
   if (status) return status;
   if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
-  m->error = ms_control_error(sim->config.integrator, s, &m->norm, allowed);
+  const int is_unknown = !sim->config.integrator->estimate && ms_control_is_shortened(s->impact);
+  m->error = is_unknown ? NAN : ms_control_error(sim->config.integrator, s, &m->norm, allowed);
   s->x = x, s->v = v;
   if (sim->config.integrator->estimate)
     m->error = fmax(m->error, pow(ms_island_step_find_path_error(m), c->order / 3));
