@@ -3,6 +3,7 @@
  * rounding, cost. */
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #include "event_options.h"
 
@@ -304,6 +305,51 @@ static void bounces_are_summed_exactly(void **state) {
   }
 }
 
+/*------------------------------------- walls ----------------------------------------------------*/
+
+/* A particle that friction would stop after d = v^2/(2 mu g), meets an elastic wall at share d: in
+ * one long step it bounces when it is there, and stops at (2 share - 1) d. */
+static void slides_meet_walls_in_time(void **state) {
+  (void)state;
+  const double g = 10, mu = 0.2, u = 1, d = u * u / (2 * mu * g), T = 2;
+  for (double share = 0.25; share < 1; share += 0.1) {
+    const double x[3] = {0}, v[3] = {0, u, 0};
+    msim_scene *scene = make_single_particle(x, v, g);
+    plane(scene, 0, 0, 1, 0, 0, mu);
+    plane(scene, 0, -1, 0, -share * d, 1, 0);
+    msim_sim *sim;
+    msim_state s;
+    run(scene, "velocity-verlet", T, 1, &s, &sim);
+    assert_close(s.x[1], (2 * share - 1) * d, 1e-14);
+    assert_int_equal(stats_of(sim).contacts, 1);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* On a slope friction bends the slide: one long step ends where many short ones do. The parabola
+ * through its end misses the wall, or meets it at another time. */
+static void curved_slides_meet_walls_in_time(void **state) {
+  (void)state;
+  for (int i = 0; i < 24; i++) {
+    const double slope = 0.2 * sin(2 * i), mu = 0.3, T = 1, x[3] = {0},
+                 v[3] = {cos(i), sin(i), -slope * cos(i) - 0.2 * sin(i)};
+    double end[2][3];
+    for (int fine = 0; fine < 2; fine++) {
+      msim_scene *scene = make_single_particle(x, v, 10);
+      plane(scene, slope, 0.2, 1, 0, 0, mu);
+      plane(scene, 1, -2, 0, -0.11 * (1 + i % 4), 0.5, 0);
+      msim_sim *sim;
+      msim_state s;
+      run(scene, "velocity-verlet", T, fine ? 4096 : 1, &s, &sim);
+      memcpy(end[fine], s.x, sizeof end[fine]);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
+    for (int c = 0; c < 3; c++) assert_close(end[0][c], end[1][c], 1e-11);
+  }
+}
+
 /*------------------------------------- rounding -------------------------------------------------*/
 
 /* A particle that leaves a plane at no more than the rounding tolerance, 1e-14 (|v| + h |a|), stays
@@ -389,6 +435,8 @@ int main(void) {
                                      cmocka_unit_test(small_bounces_cause_friction_too),
                                      cmocka_unit_test(short_bounces_are_all_found),
                                      cmocka_unit_test(bounces_are_summed_exactly),
+                                     cmocka_unit_test(slides_meet_walls_in_time),
+                                     cmocka_unit_test(curved_slides_meet_walls_in_time),
                                      cmocka_unit_test(rounding_lifts_nothing),
                                      cmocka_unit_test(rounding_moves_nothing),
                                      cmocka_unit_test(a_cloth_lies_down_cheaply)};

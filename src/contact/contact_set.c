@@ -69,7 +69,10 @@ ms_collision_planes ms_contact_set_planes(const ms_stepper *s) {
 ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, const double *b0,
                                           const double *b1) {
   const ms_unknowns *rows = &s->model->unknowns;
-  ms_particle_path p = {.planes = ms_contact_set_planes(s), .t = s->t, .h = s->h};
+  ms_particle_path p = {.planes = ms_contact_set_planes(s),
+                        .t = s->t,
+                        .h = s->h,
+                        .bounce_reach = s->events->bounce_reach};
   ms_unknowns_get(rows, s->x, row, p.x);
   ms_unknowns_get(rows, s->v, row, p.v);
   ms_unknowns_get(rows, b0, row, p.b0);
@@ -159,7 +162,11 @@ static void bounce_off_planes(ms_stepper *s, const ms_collision_planes *planes, 
 static ms_plane_set find_holding(const ms_stepper *s, const ms_plane_set *on, const double x[3],
                                  const double v[3], const double a[3]) {
   const ms_collision_planes planes = ms_contact_set_planes(s);
-  const double size = ms_vec3_norm(a), tolerance = 1e-14 * (ms_vec3_norm(v) + s->h * size);
+  const double size = ms_vec3_norm(a),
+               slow = on->n > 1 ? ms_path_bounces_find_rest_speed(&planes, x, size,
+                                                                  s->events->bounce_reach)
+                                : 0,
+               tolerance = fmax(slow, 1e-14 * (ms_vec3_norm(v) + s->h * size));
   double left[3] = {a[0], a[1], a[2]}, least[MS_MAX_TOUCHED_PLANES], unused;
   double u[3] = {0}, relative[3] = {v[0], v[1], v[2]};
   if (planes.moving) ms_moving_obstacles_find_velocity(&planes, on, x, u);

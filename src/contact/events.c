@@ -1,5 +1,7 @@
 #include "contact/events.h"
 
+#include <math.h>
+
 #include "contact/implicit_contact.h"
 #include "contact/impact_location.h"
 
@@ -13,6 +15,7 @@ static void begin_event_step(const ms_integrator *method, ms_stepper *s) {
    * impact, and bounce there: steps of any length would differ from two half steps. */
   if (s->one_substep && s->part > 0) e->merge /= 2;
   e->bounce_time = 0;
+  e->bounce_reach = s->one_substep ? s->x_tolerance : INFINITY;
   e->nfollowed = 0;
   s->cached_stage &= ~MS_CONTACTS_CACHED;
   s->impact = MS_NOWHERE;

@@ -322,6 +322,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   s->paths++;
   ms_contact_impulses_add_path(s, row, &p, start);
   if (from == 0) estimate_path_error(j, row, &p);
+  if (!p.is_complete) s->path_error = INFINITY, s->path_row = row;
   ms_unknowns_set(rows, p.x, row, s->x_next);
   ms_unknowns_set(rows, p.w, row, s->v_next);
   s->stats->contacts += p.impacts;
@@ -437,7 +438,6 @@ msim_status ms_impact_location_step(const ms_integrator *method, ms_stepper *s, 
                 .h = s->h,
                 .work = s->work_in_step,
                 .cached_stage = s->cached_stage};
-  e->bounce_reach = s->one_substep ? s->x_tolerance : INFINITY;
   j.may_divide = j.h <= ms_impact_location_longest_step(method, s->bounds.omega);
   const msim_status status = make_parts(&j, err);
   if (status) return status;

@@ -132,7 +132,7 @@ static double limit_slide(ms_path_progress *k, const double dx[3], const double 
     const double until = time_to_edge(k, solid, bend, left);
     if (until < left) left = until, *edge = k->contact.plane[i];
   }
-  k->is_partial = left < whole;
+  k->is_partial |= left < whole;
   return left;
 }
 
@@ -143,8 +143,70 @@ static void remove_plane(ms_plane_set *on, const msim_plane *plane) {
   on->n = n;
 }
 
+/* The velocity after sliding for dt, and the displacement */
+static void slide(const ms_path_progress *k, const double along[3], double friction, double dt,
+                  double v[3], double dx[3]) {
+  memcpy(v, k->p->v, sizeof k->p->v);
+  ms_friction_slide(along, friction, dt, v, dx);
+}
+
+/* 1: a slide by dx in dt and its parabola, `off` apart in the middle, clearly stay in front of each
+ * other plane, or clearly end behind it. Near its start, where a parabola begins as the slide does,
+ * the distance between them is O(t^2): so the last two control points decide. */
+static int is_decided(const ms_path_progress *k, const double dx[3], double dt, double off) {
+  const ms_particle_path *p = k->p;
+  const double MARGIN = 4;
+  for (const msim_plane *q = p->planes.plane; q < p->planes.plane + p->planes.n - p->planes.nsolids;
+       q++) {
+    if (ms_impacts_contains_plane(&k->contact, q)) continue;
+    const double s = ms_impacts_distance(q, p->x), end = s + ms_vec3_dot(q->normal, dx),
+                 middle = s + dt / 2 * ms_vec3_dot(q->normal, p->v);
+    if (fmin(middle, end) <= MARGIN * off && end >= -MARGIN * off) return 0;
+  }
+  return 1;
+}
+
+/* Shorten the time of sliding, as friction turns the motion and ends it, so that impacts may be
+ * looked for on the parabola to its end. */
+static double limit_turn(ms_path_progress *k, const double along[3], double friction, double left) {
+  const double NEAR = 1. / 64, EQUAL = 1e-9; /* distances in the middle, over the length */
+  const double whole = left;
+  for (; friction > 0 && k->p->planes.n > k->contact.n; left /= 2) {
+    double v[3], dx[3], middle[3];
+    slide(k, along, friction, left, v, dx);
+    slide(k, along, friction, left / 2, v, middle);
+    for (int c = 0; c < 3; c++) middle[c] -= (dx[c] + left * k->p->v[c]) / 4;
+    const double off = ms_vec3_norm(middle),
+                 length = fmax(ms_vec3_norm(dx), left * ms_vec3_norm(k->p->v));
+    if (off <= EQUAL * length || (off <= NEAR * length && is_decided(k, dx, left, off))) break;
+  }
+  k->is_partial = left < whole;
+  return left;
+}
+
+/* Move the time of an impact from the parabola to the curve, by Newton's method; 0: the curve does
+ * not meet the plane. A late impact would be faster, and tiny bounces would never end. */
+static int refine_impact(const ms_path_progress *k, const double along[3], double friction,
+                         const msim_plane *hit, double until, double *dt) {
+  enum { MOST = 16 };
+  const ms_particle_path *p = k->p;
+  double s = 0;
+  if (ms_obstacles_get_solid(&p->planes, hit) || ms_path_surface_moves(k)) return 1;
+  for (int i = 0; i < MOST; i++) {
+    double v[3], x[3];
+    slide(k, along, friction, *dt, v, x);
+    ms_vec3_axpy(1, p->x, x);
+    s = ms_impacts_distance(hit, x);
+    const double u = ms_vec3_dot(hit->normal, v), next = fmin(fmax(0, *dt - s / u), until);
+    if (fabs(s) <= 2 * DBL_EPSILON * ms_vec3_norm(x)) return 1;
+    if (!(u < 0) || next == *dt) break;
+    *dt = next;
+  }
+  return fabs(s) <= ms_impacts_distance_tolerance(&p->planes, p->x);
+}
+
 /* The same in contact, on tangent planes. Impacts are found on the parabola to the end point of
- * sliding in the rest of the step. */
+ * sliding in the rest of the step, or in a part of it. */
 static const msim_plane *follow_slide(ms_path_progress *k, const double along[3], double friction,
                                       double left) {
   ms_particle_path *p = k->p;
@@ -153,18 +215,17 @@ static const msim_plane *follow_slide(ms_path_progress *k, const double along[3]
   ms_path_surface_enter_frame(k, &k->contact);
   memcpy(before, p->w, sizeof before), memcpy(from, k->frame, sizeof from);
   ms_impacts_remove_normal(&k->contact, p->v, NULL);
-  memcpy(end, p->v, sizeof end);
-  ms_friction_slide(along, friction, left, end, dx);
+  left = limit_turn(k, along, friction, left);
+  slide(k, along, friction, left, end, dx);
   for (int c = 0; c < 3; c++) bend[c] = 2 * (dx[c] - left * p->v[c]) / (left * left);
   const double until = limit_slide(k, dx, bend, left, &edge);
   const msim_plane *hit = ms_path_impact_find_in_frame(k, bend, until, &dt);
-  const int is_cut = hit || k->is_partial;
-  for (int c = 0; c < 3 && is_cut; c++) dx[c] = dt * (p->v[c] + 0.5 * dt * bend[c]);
+  if (hit && !refine_impact(k, along, friction, hit, until, &dt)) hit = NULL, k->is_partial = 1;
+  if (dt < left) slide(k, along, friction, dt, end, dx);
   const double g0 = kick_w_in_contact(k, k->t, dt / 2);
   memcpy(n, k->contact.plane[0]->normal, sizeof n);
   ms_path_surface_move(k, &k->contact, dx, dt);
-  if (is_cut) ms_friction_slide(along, friction, dt, p->v, NULL);
-  else memcpy(p->v, end, sizeof end);
+  memcpy(p->v, end, sizeof end);
   if ((ms_vec3_norm(dx) > 0 || ms_path_surface_moves(k)) && (hit || !edge))
     ms_path_surface_follow(k, &k->contact, n);
   ms_path_surface_set_frame(k, &k->contact);
@@ -209,7 +270,10 @@ static void rest_on(ms_path_progress *k, const ms_plane_set *touched) {
     k->stalled = 0;
     return;
   }
-  find_resting_planes(k, touched, k->tolerance);
+  const double slow = touched->n > 1 ? ms_path_bounces_find_rest_speed(
+                                           &p->planes, p->x, ms_vec3_norm(p->a), p->bounce_reach)
+                                     : 0;
+  find_resting_planes(k, touched, fmax(slow, k->tolerance));
   if (touched->n == 1 && !k->contact.n) {
     ms_path_bounces_sum(k, touched->plane[0]);
     find_resting_planes(k, touched, k->tolerance);
@@ -280,7 +344,8 @@ void ms_particle_path_compute(ms_particle_path *p) {
     k.tolerance = fmax(k.tolerance, 1e-14 * p->planes.moving->bounds[i].speed);
   begin_part(&k);
   start_path(&k);
-  for (int i = 0; i < MOST && k.t < p->h; i++) {
+  int i = 0;
+  for (; i < MOST && k.t < p->h; i++) {
     double along[3] = {p->a[0], p->a[1], p->a[2]}, friction;
     k.contact = press(&k, p->v, along, &friction);
     k.is_partial = 0;
@@ -296,6 +361,7 @@ void ms_particle_path_compute(ms_particle_path *p) {
       handle_impact(&k, NULL);
     }
   }
+  p->is_complete = i < MOST;
   ms_path_surface_place(&k, p->h, 1);
   leave_solids(p);
 }

@@ -23,14 +23,16 @@
 
 typedef struct ms_particle_path {
   ms_collision_planes planes;
-  double t;          /* s: the time at its start, where obstacles move */
-  double h;          /* s: the length of the step */
-  double x[3], v[3]; /* in: at its start; out: at its end, by a */
-  double a[3];       /* m/s^2 */
-  double w[3];       /* in: velocity at the start; out: at the end, by b */
+  double t;            /* s: the time at its start, where obstacles move */
+  double h;            /* s: the length of the step */
+  double bounce_reach; /* m: bounces with friction that reach farther are not summed */
+  double x[3], v[3];   /* in: at its start; out: at its end, by a */
+  double a[3];         /* m/s^2 */
+  double w[3];         /* in: velocity at the start; out: at the end, by b */
   double b0[3], b1[3];
   double work;          /* out: J/kg, of moving obstacles, over the mass: by the impulses on w */
   int64_t impacts;      /* out */
+  int is_complete;      /* out: 0, the impacts are too many: the path ends before the step does */
   ms_plane_set touched; /* out: the planes that it touched */
 } ms_particle_path;
 

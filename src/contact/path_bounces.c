@@ -71,11 +71,21 @@ static bounce_series find_bounce_series(const msim_plane *q, const double v[3], 
   return s.number >= 1 && (s.speed_ratio == 0 || 2 * u < SHORT * h * g) ? s : (bounce_series){0};
 }
 
+/* 1: the height of the bounces and the displacement by their friction are at most `reach`. */
+static int reaches_little(const msim_plane *q, const double v[3], const double a[3], double reach) {
+  const double u = ms_vec3_dot(q->normal, v), g = -ms_vec3_dot(q->normal, a);
+  return u * u * fmax(0.5, 2 * q->friction * (1 + q->restitution)) <= g * reach;
+}
+
+double ms_path_bounces_find_rest_speed(const ms_collision_planes *planes, const double x[3],
+                                       double pull, double reach) {
+  const double LITTLE = 1e-3;
+  return sqrt(2 * pull * LITTLE * fmin(reach, ms_impacts_distance_tolerance(planes, x)));
+}
+
 int ms_path_bounces_are_summed(const msim_plane *plane, const double v[3], const double a[3],
-                               double h, double jump) {
-  const double u = ms_vec3_dot(plane->normal, v), g = -ms_vec3_dot(plane->normal, a);
-  const double reach = fmax(0.5, 2 * plane->friction * (1 + plane->restitution));
-  return find_bounce_series(plane, v, a, h, h).number > 0 && u * u * reach <= g * jump;
+                               double h, double reach) {
+  return find_bounce_series(plane, v, a, h, h).number > 0 && reaches_little(plane, v, a, reach);
 }
 
 /* Makes a relative to a curved or moving surface, of a particle with the relative velocity v. */
@@ -126,6 +136,7 @@ void ms_path_bounces_sum(ms_path_progress *k, const msim_plane *q) {
   double middle[3], a[3] = {p->a[0], p->a[1], p->a[2]}, dx[3], unused[3], v[3], w[3];
   memcpy(v, p->v, sizeof v), memcpy(w, p->w, sizeof w);
   add_bend(k, q, v, a);
+  if (q->friction > 0 && !reaches_little(q, v, a, p->bounce_reach)) return;
   const bounce_series s = find_bounce_series(q, v, a, p->h, k->end - k->t);
   if (s.number < 1 || !is_far_from_others(k, q, s.time)) return;
   if (!is_nearly_steady(k, q, s.time, -ms_vec3_dot(q->normal, a))) return;
