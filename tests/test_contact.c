@@ -305,7 +305,7 @@ static void bounces_are_summed_exactly(void **state) {
   }
 }
 
-/*------------------------------------- walls ----------------------------------------------------*/
+/*------------------------------------- impacts while sliding ------------------------------------*/
 
 /* A particle that friction would stop after d = v^2/(2 mu g), meets an elastic wall at share d: in
  * one long step it bounces when it is there, and stops at (2 share - 1) d. */

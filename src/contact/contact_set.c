@@ -163,9 +163,8 @@ static ms_plane_set find_holding(const ms_stepper *s, const ms_plane_set *on, co
                                  const double v[3], const double a[3]) {
   const ms_collision_planes planes = ms_contact_set_planes(s);
   const double size = ms_vec3_norm(a),
-               slow = on->n > 1 ? ms_path_bounces_find_rest_speed(&planes, x, size,
-                                                                  s->events->bounce_reach)
-                                : 0,
+               slow =
+                   ms_path_bounces_find_rest_speed(&planes, on, x, size, s->events->bounce_reach),
                tolerance = fmax(slow, 1e-14 * (ms_vec3_norm(v) + s->h * size));
   double left[3] = {a[0], a[1], a[2]}, least[MS_MAX_TOUCHED_PLANES], unused;
   double u[3] = {0}, relative[3] = {v[0], v[1], v[2]};

@@ -270,9 +270,8 @@ static void rest_on(ms_path_progress *k, const ms_plane_set *touched) {
     k->stalled = 0;
     return;
   }
-  const double slow = touched->n > 1 ? ms_path_bounces_find_rest_speed(
-                                           &p->planes, p->x, ms_vec3_norm(p->a), p->bounce_reach)
-                                     : 0;
+  const double slow = ms_path_bounces_find_rest_speed(&p->planes, touched, p->x, ms_vec3_norm(p->a),
+                                                      p->bounce_reach);
   find_resting_planes(k, touched, fmax(slow, k->tolerance));
   if (touched->n == 1 && !k->contact.n) {
     ms_path_bounces_sum(k, touched->plane[0]);

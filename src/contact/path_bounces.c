@@ -77,9 +77,11 @@ static int reaches_little(const msim_plane *q, const double v[3], const double a
   return u * u * fmax(0.5, 2 * q->friction * (1 + q->restitution)) <= g * reach;
 }
 
-double ms_path_bounces_find_rest_speed(const ms_collision_planes *planes, const double x[3],
-                                       double pull, double reach) {
+double ms_path_bounces_find_rest_speed(const ms_collision_planes *planes,
+                                       const ms_plane_set *touched, const double x[3], double pull,
+                                       double reach) {
   const double LITTLE = 1e-3;
+  if (touched->n < 2) return 0;
   return sqrt(2 * pull * LITTLE * fmin(reach, ms_impacts_distance_tolerance(planes, x)));
 }
 

@@ -10,10 +10,11 @@ int ms_path_bounces_are_summed(const msim_plane *plane, const double v[3], const
                                double h, double reach);
 
 /* The speed (m/s) below which a particle does not leave any of several planes that it touches: such
- * bounces are infinitely many and not summed, and their height is little more than rounding. pull:
- * |a| */
-double ms_path_bounces_find_rest_speed(const ms_collision_planes *planes, const double x[3],
-                                       double pull, double reach);
+ * bounces are infinitely many and not summed, and their height is little more than rounding. 0 on
+ * one plane. pull: |a|, m/s^2 */
+double ms_path_bounces_find_rest_speed(const ms_collision_planes *planes,
+                                       const ms_plane_set *touched, const double x[3], double pull,
+                                       double reach);
 
 /* After a bounce on one plane: sum the bounces that follow. With friction, whose mean force may end
  * the slide elsewhere than its impulses would, only those within p->bounce_reach. */

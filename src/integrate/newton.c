@@ -348,7 +348,7 @@ static double forcing_tolerance(const newton *n, double before) {
   return fmax(fmin(fmax(0.9 * ratio * ratio, enough), 0.1), n->s->opt->solver_rtol);
 }
 
-/* Corrections by the rounding of v, and of x = x0 + ah v, where stiff forces keep x */
+/* 4 eps (|v| + min(1, (ah omega)^2) |x|/ah): corrections by rounding, that of x in stiff steps */
 static double rounding_level(const newton *n) {
   const double ah = n->stage->ah, z = ah * n->s->bounds.omega, kept = fmin(1, z * z) / ah;
   return 4 * DBL_EPSILON * (newton_norm(n, n->stage->v) + kept * newton_norm(n, n->stage->x));
