@@ -17,8 +17,8 @@
 #  include <immintrin.h>
 #endif
 
-/* Floats fill registers of 8 lanes at most, as half-edges come in slices of 8; slice_pair.h joins
- * two of these. Tests define MS_LANES to run the code for 8 doubles with registers of 4. */
+/* Floats fill registers of 8 lanes, as half-edges come in slices of 8; slice_pair_kernels.c defines
+ * MS_LANES to fill 16. Tests define it to run the code for 8 doubles with registers of 4. */
 #ifdef MS_SINGLE
 #  define MS_LANES_OF(doubles, floats) floats
 #else
@@ -57,7 +57,9 @@ typedef double ms_doubles __attribute__((vector_size(8 * MS_LANES)));
 typedef float ms_floats __attribute__((vector_size(4 * MS_LANES)));
 
 /* MS_WIDE(op): the intrinsic of AVX or AVX-512 for registers of ms_lanes */
-#if defined(MS_SINGLE) && defined(__AVX__)
+#if defined(MS_SINGLE) && MS_LANES == 16
+#  define MS_WIDE(op) _mm512_##op##_ps
+#elif defined(MS_SINGLE) && defined(__AVX__)
 #  define MS_WIDE(op) _mm256_##op##_ps
 #elif defined(MS_SINGLE)
 #elif defined(__AVX512F__)
@@ -287,7 +289,7 @@ static inline ms_lanes ms_simd_fnma(ms_lanes a, ms_lanes b, ms_lanes c) {
  * The bits of that of AVX2 depend on the manufacturer of the processor, so that it is not used. */
 static inline ms_lanes ms_simd_two_over_sqrt(ms_lanes v) {
 #  if defined(__AVX512VL__)
-  const ms_lanes zero = {0}, r = _mm256_rsqrt14_ps(v);
+  const ms_lanes zero = {0}, r = MS_WIDE(rsqrt14)(v);
   return r * ms_simd_fnma(v * r, r, zero + 3);
 #  else
   return 2 / ms_simd_sqrt(v);

@@ -1,0 +1,157 @@
+/* row_step - what a fused step computes of one register of rows, in the precision and with the
+ * lanes of the file that includes this: kernels of single slices and of pairs of slices */
+#ifndef MS_ROW_STEP_H
+#define MS_ROW_STEP_H
+
+#include "physics/external_force.h"
+#include "physics/fused_step.h"
+#include "physics/lanes.h"
+#include "physics/single.h"
+#include "physics/spring_law.h"
+
+/* Where the model has masses in the precision of the lanes */
+#ifdef MS_SINGLE
+#  define MASSES_OF(m)  ((m)->single)
+#  define LARGEST_VALID MS_LARGEST_VALID_SINGLE
+#else
+#  define MASSES_OF(m)  (m)
+#  define LARGEST_VALID MS_LARGEST_VALID
+#endif
+
+/*------------------------------------- forces ---------------------------------------------------*/
+
+/* Of the springs in a register: k; L, or in single precision k L/2; c, or c/4 */
+typedef struct spring_lanes {
+  ms_lanes k, rest, damping;
+} spring_lanes;
+
+/* What times d is the force of a spring (spring_law.h), the same for -d and -dv. l^2 is at least
+ * the least normal number, MS_MIN_LENGTH2 of doubles, so that d = 0 has force 0. The damping,
+ * c d.dv/l^2, is multiplied by 1/l last: little has to wait for the root and the division, so that
+ * those of more springs overlap. */
+#ifdef MS_SINGLE
+/* f/l = k - (k L/2) (2/l): off by some k u, as d is by rounded positions */
+MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
+                                       spring_lanes of) {
+  const ms_lanes l2 = ms_simd_max(ms_dot_vec(dims, d, d), MS_LEAST_NORMAL);
+  const ms_lanes two_over_l = ms_simd_two_over_sqrt(l2);
+  const ms_lanes scale = ms_simd_fnma(of.rest, two_over_l, of.k);
+  if (!damped) return scale;
+  const ms_lanes rate = ms_dot_vec(dims, d, dv);
+  return ms_simd_fma(MS_DASHPOT_FORCE(of.damping, rate) * two_over_l, two_over_l, scale);
+}
+#else
+/* l is rounded as the rest lengths of the scene are (no fused multiply-add): the force of a spring
+ * at rest length is exactly 0. */
+MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
+                                       spring_lanes of) {
+  ms_lanes l2 = d.c[0] * d.c[0], inverse;
+  for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
+  const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_LEAST_NORMAL), &inverse);
+  const ms_lanes scale = MS_SPRING_FORCE_OVER_LENGTH(of.k, of.rest, l, inverse);
+  if (!damped) return scale;
+  const ms_lanes rate = ms_dot_vec(dims, d, dv);
+  return ms_simd_fma(MS_DASHPOT_FORCE(of.damping, rate) * inverse, inverse, scale);
+}
+#endif
+
+MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, const ms_external *external,
+                                         size_t row, const ms_real *x, const ms_real *v) {
+  const ms_lanes mass = ms_simd_load(MASSES_OF(m)->mass + row);
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_lane_vectors xi = ms_load_vec(dims, x + row, stride);
+  ms_lane_vectors f = {{{0}}};
+  for (int c = 0; c < dims; c++)
+    f.c[c] = ms_external_position_force(external, m->unknowns.axis[c], mass, xi.c[c]);
+  if (!v || !ms_external_has_velocity(external)) return f;
+  const ms_lane_vectors vi = ms_load_vec(dims, v + row, stride);
+  for (int c = 0; c < dims; c++) f.c[c] = ms_external_add_velocity_force(external, vi.c[c], f.c[c]);
+  return f;
+}
+
+/* Forces that were computed before */
+MS_INLINE ms_lane_vectors load_added_force(int dims, const double *added, size_t row,
+                                           size_t stride) {
+  ms_lane_vectors f = {{{0}}};
+  for (int c = 0; c < dims; c++) f.c[c] = ms_simd_load_doubles(added + (size_t)c * stride + row);
+  return f;
+}
+
+/*------------------------------------- update ---------------------------------------------------*/
+
+MS_INLINE ms_lane_vectors load_rows(int dims, const void *vec, size_t row, size_t stride) {
+  return ms_load_vec(dims, (const ms_real *)vec + row, stride);
+}
+
+/* Sums x' = x + change + ...: where they begin, at x itself, or in single precision at the error of
+ * the last sum (vector.h); and how they end. */
+#ifdef MS_SINGLE
+MS_INLINE ms_lane_vectors load_addend(int dims, const void *x, size_t row, size_t stride) {
+  return load_rows(dims, x, (size_t)dims * stride + row, stride);
+}
+
+MS_INLINE ms_lane_vectors store_sum(int dims, const void *x, ms_lane_vectors change, void *to,
+                                    size_t row, size_t stride) {
+  const ms_lane_vectors before = load_rows(dims, x, row, stride);
+  const ms_lane_vectors after = ms_add_vec(dims, before, change);
+  const ms_lane_vectors error = ms_subtract_vec(dims, change, ms_subtract_vec(dims, after, before));
+  ms_store_vec(dims, (ms_real *)to + row, stride, after);
+  ms_store_vec(dims, (ms_real *)to + (size_t)dims * stride + row, stride, error);
+  return after;
+}
+#else
+MS_INLINE ms_lane_vectors load_addend(int dims, const void *x, size_t row, size_t stride) {
+  return load_rows(dims, x, row, stride);
+}
+
+MS_INLINE ms_lane_vectors store_sum(int dims, const void *x, ms_lane_vectors sum, void *to,
+                                    size_t row, size_t stride) {
+  (void)x;
+  ms_store_vec(dims, (ms_real *)to + row, stride, sum);
+  return sum;
+}
+#endif
+
+/* Compute the results for one register of rows. Returns |x|^2 + |v|^2 of those that
+ * ms_fused_step_run checks. */
+MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vectors f,
+                          const ms_fused_step *p) {
+  const size_t stride = (size_t)m->unknowns.stride;
+  const ms_lanes zero = {0};
+  ms_lane_vectors a = f, v = f;
+  ms_lanes size = zero;
+  for (int c = 0; c < dims; c++) a.c[c] *= ms_simd_load(MASSES_OF(m)->inv_mass + row);
+  if (p->f) ms_store_vec(dims, (ms_real *)p->f + row, stride, f);
+  if (p->a) ms_store_vec(dims, (ms_real *)p->a + row, stride, a);
+  if (p->v_to) {
+    v = load_addend(dims, p->v_from, row, stride);
+    if (p->a_before)
+      v = ms_fma_vec(dims, zero + (ms_real)p->h_before, load_rows(dims, p->a_before, row, stride),
+                     v);
+    v = ms_fma_vec(dims, zero + (ms_real)p->h, a, v);
+    v = store_sum(dims, p->v_from, v, p->v_to, row, stride);
+    size += ms_dot_vec(dims, v, v);
+  }
+  if (p->x_to) {
+    const ms_lane_vectors along = p->along ? load_rows(dims, p->along, row, stride) : v;
+    const ms_lane_vectors change = ms_fma_vec(dims, zero + (ms_real)p->drift, along,
+                                              load_addend(dims, p->x_from, row, stride));
+    const ms_lane_vectors x = store_sum(dims, p->x_from, change, p->x_to, row, stride);
+    size += ms_dot_vec(dims, x, x);
+  } else if (p->v_to) {
+    const ms_lane_vectors x = load_rows(dims, p->x, row, stride);
+    size += ms_dot_vec(dims, x, x);
+  }
+  return size;
+}
+
+/* Where a result may be bad */
+MS_INLINE ms_mask check(ms_lanes size) { return ~(size <= LARGEST_VALID * LARGEST_VALID); }
+
+MS_INLINE int is_nowhere(ms_mask bad) {
+  int any = 0;
+  for (int l = 0; l < MS_LANES; l++) any |= bad[l] != 0;
+  return !any;
+}
+
+#endif
