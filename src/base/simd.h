@@ -220,10 +220,15 @@ static inline ms_lanes ms_simd_sqrt(ms_lanes v) {
 
 /* x[index[0]], x[index[1]], ... */
 static inline ms_lanes ms_simd_gather(const ms_real *x, const int32_t *index) {
+#if MS_LANES == 8 /* by assignments, GCC 12 writes the lanes one after the other */
+  return (ms_lanes){x[index[0]], x[index[1]], x[index[2]], x[index[3]],
+                    x[index[4]], x[index[5]], x[index[6]], x[index[7]]};
+#else
   ms_lanes v;
   /* cppcheck-suppress uninitvar; assigning a lane does not read v */
   for (int l = 0; l < MS_LANES; l++) v[l] = x[index[l]];
   return v;
+#endif
 }
 
 /* max(v, least) in each lane; NaN if v is NaN */
@@ -296,19 +301,19 @@ static inline ms_lanes ms_simd_two_over_sqrt(ms_lanes v) {
 #  endif
 }
 #else
-/* sqrt(v), and *inverse = 1/sqrt(v) with an error of at most 1 unit in the last place with AVX-512,
- * else 1.5; v must be normal and > 0, or NaN.
+/* sqrt(v), and *inverse = 1/sqrt(v) with an error of at most 1.6 units in the last place with
+ * AVX-512, else 1.5; v must be normal and > 0, or NaN.
  *
- * AVX-512 has an approximation r of 14 bits over the full range. With e = 1 - v r^2, |e| < 2^-12.9,
+ * AVX-512 has an approximation r of 14 bits over the full range. With e = 1 - v r^2 < 2^-12.99,
  *   1/sqrt(v) = r (1 - e)^(-1/2) = r (1 + e/2 + 3/8 e^2 + 5/16 e^3 + 35/128 e^4 + ...),
- * truncated after e^4. l = v/sqrt(v) gets one Newton step, l + (v - l^2)/(2 l). With other
- * instruction sets, a chain of such steps would take as long as the hardware's square root. */
+ * truncated after e^3: what follows is below 2^-53.8. l = v/sqrt(v) gets one Newton step,
+ * l + (v - l^2)/(2 l). With other instruction sets, a chain of such steps would take as long as the
+ * hardware's square root. */
 static inline ms_lanes ms_simd_sqrt_and_inverse(ms_lanes v, ms_lanes *inverse) {
 #  if defined(__AVX512F__)
   const ms_lanes zero = {0}, r = _mm512_rsqrt14_pd(v);
   const ms_lanes e = _mm512_fnmadd_pd(v * r, r, zero + 1);
-  ms_lanes series = ms_simd_fma(e, zero + 35. / 128, zero + 5. / 16);
-  series = ms_simd_fma(e, series, zero + 3. / 8);
+  ms_lanes series = ms_simd_fma(e, zero + 5. / 16, zero + 3. / 8);
   series = ms_simd_fma(e, series, zero + 1. / 2);
   *inverse = ms_simd_fma(e * r, series, r);
   const ms_lanes l = v * *inverse;

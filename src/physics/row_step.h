@@ -26,32 +26,30 @@ typedef struct spring_lanes {
 } spring_lanes;
 
 /* What times d is the force of a spring (spring_law.h), the same for -d and -dv. l^2 is at least
- * the least normal number, MS_MIN_LENGTH2 of doubles, so that d = 0 has force 0. The damping,
- * c d.dv/l^2, is multiplied by 1/l last: little has to wait for the root and the division, so that
- * those of more springs overlap. */
+ * the least normal number, MS_MIN_LENGTH2 of doubles, so that d = 0 has force 0. Little has to wait
+ * for the root and the division, so that those of more springs overlap. */
 #ifdef MS_SINGLE
-/* f/l = k - (k L/2) (2/l): off by some k u, as d is by rounded positions */
+/* f/l = k - (k L/2 - c/4 d.dv 2/l) 2/l: off by some k u, as d is by rounded positions */
 MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
                                        spring_lanes of) {
   const ms_lanes l2 = ms_simd_max(ms_dot_vec(dims, d, d), MS_LEAST_NORMAL);
   const ms_lanes two_over_l = ms_simd_two_over_sqrt(l2);
-  const ms_lanes scale = ms_simd_fnma(of.rest, two_over_l, of.k);
-  if (!damped) return scale;
-  const ms_lanes rate = ms_dot_vec(dims, d, dv);
-  return ms_simd_fma(MS_DASHPOT_FORCE(of.damping, rate) * two_over_l, two_over_l, scale);
+  ms_lanes push = of.rest;
+  if (damped)
+    push = ms_simd_fnma(MS_DASHPOT_FORCE(of.damping, ms_dot_vec(dims, d, dv)), two_over_l, push);
+  return ms_simd_fnma(push, two_over_l, of.k);
 }
 #else
-/* l is rounded as the rest lengths of the scene are (no fused multiply-add): the force of a spring
- * at rest length is exactly 0. */
+/* f/l = (k (l - L) + c d.dv/l)/l. l is rounded as the rest lengths of the scene are (no fused
+ * multiply-add): the force of a spring at rest length is exactly 0. */
 MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, ms_lane_vectors dv,
                                        spring_lanes of) {
   ms_lanes l2 = d.c[0] * d.c[0], inverse;
   for (int c = 1; c < dims; c++) l2 += d.c[c] * d.c[c];
   const ms_lanes l = ms_simd_sqrt_and_inverse(ms_simd_max(l2, MS_LEAST_NORMAL), &inverse);
-  const ms_lanes scale = MS_SPRING_FORCE_OVER_LENGTH(of.k, of.rest, l, inverse);
-  if (!damped) return scale;
-  const ms_lanes rate = ms_dot_vec(dims, d, dv);
-  return ms_simd_fma(MS_DASHPOT_FORCE(of.damping, rate) * inverse, inverse, scale);
+  ms_lanes f = MS_SPRING_FORCE(of.k, of.rest, l);
+  if (damped) f = ms_simd_fma(MS_DASHPOT_FORCE(of.damping, ms_dot_vec(dims, d, dv)), inverse, f);
+  return f * inverse;
 }
 #endif
 

@@ -20,11 +20,8 @@
 /* The smallest normal double. A spring with l^2 below it has no direction. */
 #define MS_MIN_LENGTH2 2.2250738585072014e-308
 
-/* f (N) */
+/* f (N): 0 at the rest length, without rounding error */
 #define MS_SPRING_FORCE(k, rest, l) ((k) * ((l) - (rest)))
-
-/* f/l, given 1/l: 0 at the rest length, without rounding error */
-#define MS_SPRING_FORCE_OVER_LENGTH(k, rest, l, inverse) ((k) * (((l) - (rest)) * (inverse)))
 
 /* f/l, and df/dl - f/l, given L/l: the stiffness across the spring, and what that along it exceeds
  * it by. L/l at most 1 clamps the matrix: no stiffness is negative. */
