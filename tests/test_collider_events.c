@@ -259,6 +259,69 @@ static void error_control_keeps_tol_on_a_sphere(void **state) {
   }
 }
 
+/* The circular motion above in few steps: no force changes, so that only the turning of the surface
+ * gives errors. */
+static void error_control_keeps_tol_on_a_circle(void **state) {
+  (void)state;
+  static const char *const methods[] = {"dop853", "rk4", "tr-bdf2", "velocity-verlet", "auto"};
+  const double R = 2, v0 = 3, T = 2, x[3] = {R, 0, 0}, v[3] = {0, v0, 0};
+  for (int i = 0; i < 2; i++) {
+    const double mu = i ? 0.4 : 1e-12, q = mu * v0 * T / R, slower = 1 + q, angle = log1p(q) / mu;
+    msim_scene *scene = make_single_particle(x, v, 0);
+    add(scene, sphere(0, 0, 0, R, 0, mu), 1);
+    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
+      for (int digits = 3; digits <= 7; digits += 2) {
+        msim_options opt = options(methods[m], m == 4 ? MSIM_H_AUTO : 1e-2);
+        opt.tol = pow(10, -digits), opt.t_end = T, opt.steps = -1;
+        msim_sim *sim = make_sim(scene, &opt);
+        assert_ok(msim_sim_run(sim, NULL, NULL, err));
+        const msim_state s = state_of(sim);
+        const double end[3] = {R * cos(angle), R * sin(angle), 0};
+        const double slow = fabs(ms_vec3_norm(s.v) - v0 / slower);
+        if (!(fmax(distance(s.x, end), slow) <= 2 * opt.tol))
+          fail_msg("%s: %g with tol %g", methods[m], distance(s.x, end), opt.tol);
+        msim_sim_destroy(sim);
+      }
+    double y[3], w[3];
+    run(scene, "dop853", T, 1, y, w); /* without tol, in parts of 1/8 rad */
+    assert_true(fabs(remainder(atan2(y[1], y[0]) - angle, 2 * pi)) < 0.02);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* The angle of a pendulum of length 1 after the time T from rest at an angle, by Verlet's method */
+static double pendulum(double angle, double T) {
+  enum { STEPS = 1 << 20 };
+  const double h = T / STEPS;
+  double rate = -0.5 * h * 9.81 * sin(angle);
+  for (int i = 0; i < STEPS; i++) angle += h * rate, rate -= h * 9.81 * sin(angle);
+  return angle;
+}
+
+static void a_bead_in_a_bowl_is_a_pendulum(void **state) {
+  (void)state;
+  static const char *const methods[] = {"dop853", "rk4", "tr-bdf2", "velocity-verlet", "auto"};
+  const double T = 3, v[3] = {0};
+  for (double angle = 0.01; angle <= 1; angle *= 10) {
+    const double x[3] = {sin(angle), 0, -cos(angle)}, last = pendulum(angle, T),
+                 end[3] = {sin(last), 0, -cos(last)};
+    msim_scene *scene = make_single_particle(x, v, 9.81);
+    add(scene, sphere(0, 0, 0, 1, 0, 0), 1);
+    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
+      for (int digits = 4; digits <= 6; digits++) {
+        msim_options opt = options(methods[m], m == 4 ? MSIM_H_AUTO : 1e-2);
+        opt.tol = pow(10, -digits), opt.t_end = T, opt.steps = -1;
+        msim_sim *sim = make_sim(scene, &opt);
+        assert_ok(msim_sim_run(sim, NULL, NULL, err));
+        const double error = distance(state_of(sim).x, end);
+        if (!(error <= 4 * opt.tol)) fail_msg("%s: %g with tol %g", methods[m], error, opt.tol);
+        assert_true(stats_of(sim).steps < 200);
+        msim_sim_destroy(sim);
+      }
+    msim_scene_destroy(scene);
+  }
+}
+
 /*------------------------------------- solids ---------------------------------------------------*/
 
 /* Fast particles do not pass through a thin plate or a thin bar: single ones, and pairs tied by
@@ -344,6 +407,8 @@ int main(void) {
                                      cmocka_unit_test(order_is_kept_through_impacts_on_a_sphere),
                                      cmocka_unit_test(order_is_kept_near_a_sphere),
                                      cmocka_unit_test(error_control_keeps_tol_on_a_sphere),
+                                     cmocka_unit_test(error_control_keeps_tol_on_a_circle),
+                                     cmocka_unit_test(a_bead_in_a_bowl_is_a_pendulum),
                                      cmocka_unit_test(thin_solids_stop_particles),
                                      cmocka_unit_test(a_stiff_pair_slides_in_a_sphere)};
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,4 +1,5 @@
-"""Tests that error control keeps tol for random bodies that fall on planes, bounce, slide and rest.
+"""Tests that error control keeps tol for random bodies that fall on planes and solids, bounce,
+slide and rest.
 
 The reference is dop853 with fixed steps of 1/8000 s and every event located; with twice that step
 the difference is far below tol."""
@@ -14,6 +15,8 @@ TOL = 1e-6
 SEEDS = (*range(40), 81, 191,  # regressions: rk4 failed at an impact located on Hermite's cubic;
          751, 804, 1146)  # tr-bdf2 at an impact early in its first half step
 GROOVES = (24, 38, 39, 49)  # rk4 never ended, dop853 and auto were up to 15 mm off
+SOLIDS = (20, 38, 40, 46, 47, 65, 184, 287, 1013, 2015, 2246, 2294, 3146,  # up to 250 mm off
+          250, 1016)  # tr-bdf2 and rk4 hardly ended
 METHODS = ("dop853", "auto", "rk4", "tr-bdf2")
 
 
@@ -56,6 +59,54 @@ def groove(seed):
             "planes": planes}
 
 
+def vector(rng, most):
+    return [rng.uniform(-most, most) for _ in range(3)]
+
+
+def solid(rng):
+    kind = rng.choice(["sphere", "capsule", "cylinder", "box", "bowl", "room"])
+    of = {"restitution": rng.choice([0, 0, 0.3, 0.7, 0.95]),
+          "friction": rng.choice([0, 0, 0.1, 0.5, 1.2])}
+    z = -rng.uniform(0.2, 0.6)
+    if kind == "bowl":
+        return {**of, "type": "sphere", "center": [0, 0, 0.5], "radius": rng.uniform(1, 1.5),
+                "inside": True}
+    if kind == "room":
+        return {**of, "type": "box", "center": [0, 0, 0.5],
+                "size": [2.4, 2.4, rng.uniform(1.5, 2.5)], "rotation": vector(rng, 0.4),
+                "inside": True}
+    if kind == "sphere":
+        return {**of, "type": kind, "center": [rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3), z],
+                "radius": rng.uniform(0.2, 0.5)}
+    if kind == "box":
+        return {**of, "type": kind, "center": [rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), z],
+                "size": [rng.uniform(0.2, 0.8) for _ in range(3)], "rotation": vector(rng, 0.8)}
+    return {**of, "type": kind, "radius": rng.uniform(0.1, 0.4),
+            "from": [-rng.uniform(0.1, 0.6), rng.uniform(-0.3, 0.3), z],
+            "to": [rng.uniform(0.1, 0.6), rng.uniform(-0.3, 0.3), z + rng.uniform(-0.2, 0.2)]}
+
+
+def solids(seed):
+    """1 to 3 masses on springs over 1 or 2 solids, or in a bowl or a room, half of them with a
+    plane."""
+    rng = random.Random(seed * 104729 + 11)
+    n = rng.choice([1, 1, 2, 3])
+    fall = {"gravity": [0, 0, -9.81],
+            "particles": {"x": [[rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3),
+                                 rng.uniform(0.35, 0.7)] for _ in range(n)],
+                          "v": [vector(rng, 1) for _ in range(n)],
+                          "mass": [10 ** rng.uniform(-1, 0.3) for _ in range(n)]},
+            "colliders": [solid(rng) for _ in range(rng.choice([1, 1, 2]))]}
+    if rng.random() < 0.5:
+        fall["planes"] = [plane(rng, rng.choice([0, rng.uniform(0, 0.7)]))]
+        fall["planes"][0]["offset"] -= 0.4
+    pairs = [[i, j] for i in range(n) for j in range(i + 1, n)]
+    if pairs:
+        fall["springs"] = {"ij": pairs, "k": [10 ** rng.uniform(1, 2.3) for _ in pairs],
+                           "damping": rng.choice([0, 0.05])}
+    return fall
+
+
 def distance(one, other):
     return max(abs(a - b) for x, y in zip(one["x"], other["x"]) for a, b in zip(x, y))
 
@@ -85,6 +136,21 @@ class RandomContact(unittest.TestCase):
 
     def test_tol_is_kept_in_grooves(self):
         self.check_all(groove, GROOVES, 1)
+
+    def test_tol_is_kept_on_solids(self):
+        self.check_all(solids, SOLIDS, 0.8)
+
+    def test_tol_is_kept_where_a_solid_is_left(self):
+        """Wherever in a part of its path a particle that slides with friction leaves a solid."""
+        support.setting("CLI")
+        with tempfile.TemporaryDirectory() as folder:
+            runner, fall = Runner(folder), solids(47)
+            fine = runner.run(fall, {"integrator": "dop853", "collision": "event", "h": 5e-5,
+                                     "steps": 16000})
+            for i in range(24):
+                tol = 10 ** (-4 - i / 12)
+                end = runner.run(fall, {"integrator": "dop853", "tol": tol, "t_end": 0.8})
+                self.assertLessEqual(distance(end, fine), tol)
 
 
 if __name__ == "__main__":

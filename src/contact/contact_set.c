@@ -72,7 +72,8 @@ ms_particle_path ms_contact_set_make_path(const ms_stepper *s, int32_t row, cons
   ms_particle_path p = {.planes = ms_contact_set_planes(s),
                         .t = s->t,
                         .h = s->h,
-                        .bounce_reach = s->events->bounce_reach};
+                        .bounce_reach = s->events->bounce_reach,
+                        .x_error = s->events->path_tolerance};
   ms_unknowns_get(rows, s->x, row, p.x);
   ms_unknowns_get(rows, s->v, row, p.v);
   ms_unknowns_get(rows, b0, row, p.b0);

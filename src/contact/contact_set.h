@@ -82,6 +82,7 @@ typedef struct ms_contact_set {
   double
       bounce_time; /* s: bounces that end within this time are summed (particle_path.h); 0: none */
   double bounce_reach;       /* m: ... if they reach no farther than this */
+  double path_tolerance;     /* m: ms_stepper.path_tolerance; INFINITY without error control */
   int implicit;              /* the method solves equations, by a matrix without friction */
   ms_contact *contact;       /* ncontacts, with ascending rows */
   ms_constraint *constraint; /* the same contacts as constraints of the matrix */

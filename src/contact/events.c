@@ -16,6 +16,7 @@ static void begin_event_step(const ms_integrator *method, ms_stepper *s) {
   if (s->one_substep && s->part > 0) e->merge /= 2;
   e->bounce_time = 0;
   e->bounce_reach = s->one_substep ? s->x_tolerance : INFINITY;
+  e->path_tolerance = s->one_substep ? s->path_tolerance : INFINITY;
   e->nfollowed = 0;
   s->cached_stage &= ~MS_CONTACTS_CACHED;
   s->impact = MS_NOWHERE;

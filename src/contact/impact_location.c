@@ -33,11 +33,13 @@ typedef struct impact {
 
 /*------------------------------------- particle paths -------------------------------------------*/
 
-/* Estimates the error of v that a particle path leaves, O(h^3): the larger of its own error, from
- * an acceleration that is linear in time, not constant, |w - v| |b1 - b0|/max(|b0|, |b1|), and that
- * of its neighbours, whose forces used the end of the step, not that of the path,
- * h (omega^2 |dx|/3 + rate |dv|/2). Shallow impacts have been accepted before (is_shallow). */
-static void estimate_path_error(const substeps *j, int32_t row, const ms_particle_path *p) {
+/* Estimates the error of v that a particle path from the share `from` on leaves, O(h^3): the larger
+ * of its own error, from an acceleration that is linear in time, not constant,
+ * |w - v| |b1 - b0|/max(|b0|, |b1|), and that of its neighbours, whose forces used the end of the
+ * step, not that of the path, h (omega^2 |dx|/3 + rate |dv|/2). Those of a shallow impact inside a
+ * step have been accepted before (is_shallow). */
+static void estimate_path_error(const substeps *j, int32_t row, double from,
+                                const ms_particle_path *p) {
   ms_stepper *s = j->s;
   const ms_bounds *b = &s->bounds;
   double bend[3], da[3], dx[3], dv[3];
@@ -48,9 +50,10 @@ static void estimate_path_error(const substeps *j, int32_t row, const ms_particl
     dx[c] -= p->x[c], dv[c] -= p->w[c];
   }
   const double size = fmax(ms_vec3_norm(p->b0), ms_vec3_norm(p->b1));
-  const double own = size > 0 ? ms_vec3_norm(bend) * ms_vec3_norm(da) / size : 0;
-  const double error = fmax(
-      own, s->h * (b->omega * b->omega * ms_vec3_norm(dx) / 3 + b->rate * ms_vec3_norm(dv) / 2));
+  double error = size > 0 ? ms_vec3_norm(bend) * ms_vec3_norm(da) / size : 0;
+  if (from == 0)
+    error = fmax(error, s->h * (b->omega * b->omega * ms_vec3_norm(dx) / 3 +
+                                b->rate * ms_vec3_norm(dv) / 2));
   if (!(error <= s->path_error)) s->path_error = error, s->path_row = row;
 }
 
@@ -321,7 +324,7 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   ms_particle_path_compute(&p);
   s->paths++;
   ms_contact_impulses_add_path(s, row, &p, start);
-  if (from == 0) estimate_path_error(j, row, &p);
+  estimate_path_error(j, row, from, &p);
   if (!p.is_complete) s->path_error = INFINITY, s->path_row = row;
   ms_unknowns_set(rows, p.x, row, s->x_next);
   ms_unknowns_set(rows, p.w, row, s->v_next);

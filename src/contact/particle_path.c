@@ -45,25 +45,40 @@ static void kick_in_contact(const ms_path_progress *k, const double a[3], double
   ms_friction_slide(along, friction, dt, v, NULL);
 }
 
-/* Advance w by half of a part of the path, with the acceleration b at that end of the part. Returns
- * the normal acceleration relative to the surface, if there is one plane. */
-static double kick_w_in_contact(ms_path_progress *k, double t, double half) {
+/* Advance u, which is v or w, by half of a part of the path, with the acceleration b at that end of
+ * the part. Returns the normal acceleration relative to the surface, if there is one plane. */
+static double kick_half(const ms_path_progress *k, const double b[3], double half, double u[3]) {
   const ms_plane_set *on = &k->contact;
-  double b[3], least[MS_MAX_TOUCHED_PLANES] = {0};
-  ms_path_progress_acceleration(k->p, t, b);
-  kick_in_contact(k, b, half, k->p->w);
+  double least[MS_MAX_TOUCHED_PLANES] = {0};
+  kick_in_contact(k, b, half, u);
   if (on->n != 1) return 0;
-  if (k->p->planes.nsolids) ms_path_surface_find_least(k, on, k->p->w, least);
+  if (k->p->planes.nsolids) ms_path_surface_find_least(k, on, u, least);
   return ms_vec3_dot(on->plane[0]->normal, b) - least[0];
 }
 
-/* If the normal acceleration becomes positive, from g0 to g1, w_n is the integral of its positive
- * part. */
-static void release_w(ms_path_progress *k, double g0, double g1, double dt) {
-  double *w = k->p->w;
-  if (!(g0 < 0 && g1 > 0)) return;
-  const double *n = k->contact.plane[0]->normal;
-  ms_vec3_axpy(g1 * g1 / (g1 - g0) * dt / 2 - ms_vec3_dot(n, w), n, w);
+static double kick_w_half(const ms_path_progress *k, double t, double half) {
+  double b[3];
+  ms_path_progress_acceleration(k->p, t, b);
+  return kick_half(k, b, half, k->p->w);
+}
+
+static int is_on_solid(const ms_path_progress *k) {
+  for (int i = 0; i < k->contact.n; i++)
+    if (ms_obstacles_get_solid(&k->p->planes, k->contact.plane[i])) return 1;
+  return 0;
+}
+
+/* If the normal acceleration, from g0 to g1, ends positive, u_n, `start` before, grows by the
+ * integral of its positive part. On several surfaces no u_n is below 0: u has turned with those
+ * that it leaves. */
+static void release(const ms_path_progress *k, double start, double g0, double g1, double dt,
+                    double u[3]) {
+  const ms_plane_set *on = &k->contact;
+  double to[MS_MAX_TOUCHED_PLANES], unused[MS_MAX_INDEPENDENT_PLANES];
+  for (int i = 0; i < on->n; i++) to[i] = fmax(0, ms_vec3_dot(on->plane[i]->normal, u));
+  if (on->n == 1 && g1 > 0)
+    to[0] = (g0 < 0 ? g1 * g1 / (g1 - g0) : g0 + g1) * dt / 2 + (g0 < 0 ? 0 : start);
+  if (on->n == 1 ? g1 > 0 : is_on_solid(k)) ms_impacts_set_normal_components(on, to, u, unused);
 }
 
 /*------------------------------------- flight and sliding ---------------------------------------*/
@@ -91,14 +106,21 @@ static const msim_plane *follow_flight(ms_path_progress *k, double left) {
   return hit;
 }
 
+/* The velocity after sliding for dt, and the displacement */
+static void slide(const ms_path_progress *k, const double along[3], double friction, double dt,
+                  double v[3], double dx[3]) {
+  memcpy(v, k->p->v, sizeof k->p->v);
+  ms_friction_slide(along, friction, dt, v, dx);
+}
+
 /* When a particle that slides along the tangent plane has just passed an edge, by bisection; `left`
  * if it does not. */
-static double time_to_edge(const ms_path_progress *k, const ms_solid *solid, const double bend[3],
-                           double left) {
+static double time_to_edge(const ms_path_progress *k, const ms_solid *solid, const double along[3],
+                           double friction, double left) {
   double low = 0, high = INFINITY, t = left;
   for (;;) {
-    double dx[3];
-    for (int c = 0; c < 3; c++) dx[c] = t * (k->p->v[c] + 0.5 * t * bend[c]);
+    double v[3], dx[3];
+    slide(k, along, friction, t, v, dx);
     if (ms_path_surface_is_beyond_edge(k, solid, dx)) high = t;
     else low = t;
     t = 0.5 * (low + fmin(high, left));
@@ -107,29 +129,39 @@ static double time_to_edge(const ms_path_progress *k, const ms_solid *solid, con
   }
 }
 
-static int holds_slide(const ms_path_progress *k, const msim_plane *plane, const double bend[3],
-                       double t) {
-  double dx[3];
-  for (int c = 0; c < 3; c++) dx[c] = t * (k->p->v[c] + 0.5 * t * bend[c]);
-  return ms_path_surface_holds(k, plane, dx, t);
+/* Shorten the time in which a particle slides on a surface of curvature q along its motion. In dt,
+ * at the speed u, it falls behind by q^2 u^3 dt^3/3, as the tangent plane is not the arc; and half
+ * kicks at both ends are off by q u a dt^3/12, as the acceleration along the surface turns. */
+static double limit_part(const ms_path_progress *k, double q, double left) {
+  const ms_particle_path *p = k->p;
+  const double v = ms_vec3_norm(p->v), a = ms_vec3_norm(p->a);
+  for (; q > 0; left /= 2) {
+    const double u = v + left * a, error = q * u * (q * u * u / 3 + a / 12) * left * left;
+    if (q * u * left <= MS_PATH_SMALL_ANGLE && error * p->h <= p->x_error) break;
+  }
+  return left;
 }
 
 /* Shorten the time `left` in which a particle slides by dx, so that normals of curved surfaces turn
  * by little, and that it ends at edges; *edge: the plane that it slides off, or NULL. */
-static double limit_slide(ms_path_progress *k, const double dx[3], const double bend[3],
-                          double left, const msim_plane **edge) {
+static double limit_slide(ms_path_progress *k, const double dx[3], const double along[3],
+                          double friction, double left, const msim_plane **edge) {
   const double size = ms_vec3_norm(dx), whole = left;
   *edge = NULL;
   left = ms_path_surface_limit_rotation(k, ms_path_surface_time_to_release(k, left));
   for (int i = 0; i < k->contact.n && k->p->planes.nsolids && size > 0; i++) {
     const ms_solid *solid = ms_obstacles_get_solid(&k->p->planes, k->contact.plane[i]);
     if (!solid) continue;
-    const double angle = fabs(ms_signed_distance_bend(solid, k->p->x, dx)) / size,
+    const double bend = fabs(ms_signed_distance_bend(solid, k->p->x, dx)),
                  longest = ms_obstacles_find_cell(solid) * MS_PATH_SHARE_OF_CELL;
-    if (angle > MS_PATH_SMALL_ANGLE) left = fmin(left, MS_PATH_SMALL_ANGLE / angle * whole);
+    left = limit_part(k, bend / (size * size), left);
     if (size > longest) left = fmin(left, longest / size * whole);
-    if (solid->samples && holds_slide(k, k->contact.plane[i], bend, left)) continue;
-    const double until = time_to_edge(k, solid, bend, left);
+    if (solid->samples) {
+      double v[3], until[3];
+      slide(k, along, friction, left, v, until);
+      if (ms_path_surface_holds(k, k->contact.plane[i], until, left)) continue;
+    }
+    const double until = time_to_edge(k, solid, along, friction, left);
     if (until < left) left = until, *edge = k->contact.plane[i];
   }
   k->is_partial |= left < whole;
@@ -141,13 +173,6 @@ static void remove_plane(ms_plane_set *on, const msim_plane *plane) {
   for (int i = 0; i < on->n; i++)
     if (on->plane[i] != plane) on->plane[n++] = on->plane[i];
   on->n = n;
-}
-
-/* The velocity after sliding for dt, and the displacement */
-static void slide(const ms_path_progress *k, const double along[3], double friction, double dt,
-                  double v[3], double dx[3]) {
-  memcpy(v, k->p->v, sizeof k->p->v);
-  ms_friction_slide(along, friction, dt, v, dx);
 }
 
 /* 1: a slide by dx in dt and its parabola, `off` apart in the middle, clearly stay in front of each
@@ -167,18 +192,20 @@ static int is_decided(const ms_path_progress *k, const double dx[3], double dt, 
 }
 
 /* Shorten the time of sliding, as friction turns the motion and ends it, so that impacts may be
- * looked for on the parabola to its end. */
+ * looked for on the parabola to its end; on solids they are not refined. */
 static double limit_turn(ms_path_progress *k, const double along[3], double friction, double left) {
   const double NEAR = 1. / 64, EQUAL = 1e-9; /* distances in the middle, over the length */
-  const double whole = left;
-  for (; friction > 0 && k->p->planes.n > k->contact.n; left /= 2) {
+  const ms_particle_path *p = k->p;
+  const double whole = left, allowed = p->planes.nsolids > is_on_solid(k) ? p->x_error : INFINITY;
+  for (; friction > 0 && p->planes.n > k->contact.n; left /= 2) {
     double v[3], dx[3], middle[3];
     slide(k, along, friction, left, v, dx);
     slide(k, along, friction, left / 2, v, middle);
-    for (int c = 0; c < 3; c++) middle[c] -= (dx[c] + left * k->p->v[c]) / 4;
+    for (int c = 0; c < 3; c++) middle[c] -= (dx[c] + left * p->v[c]) / 4;
     const double off = ms_vec3_norm(middle),
-                 length = fmax(ms_vec3_norm(dx), left * ms_vec3_norm(k->p->v));
-    if (off <= EQUAL * length || (off <= NEAR * length && is_decided(k, dx, left, off))) break;
+                 length = fmax(ms_vec3_norm(dx), left * ms_vec3_norm(p->v));
+    if (off <= EQUAL * length) break;
+    if (off <= fmin(NEAR * length, allowed) && is_decided(k, dx, left, off)) break;
   }
   k->is_partial = left < whole;
   return left;
@@ -205,8 +232,35 @@ static int refine_impact(const ms_path_progress *k, const double along[3], doubl
   return fabs(s) <= ms_impacts_distance_tolerance(&p->planes, p->x);
 }
 
+/* What the first half kicks of a part in contact found */
+typedef struct first_kicks {
+  int of_v;      /* v is kicked, too */
+  double start;  /* n.w before */
+  double v0, w0; /* normal accelerations of v and w */
+} first_kicks;
+
+/* On a solid v is kicked by halves at both ends, as w is, so that the path is of order 2 in the
+ * length of its parts; `end` is exact on planes alone, and moves nothing after the last part. */
+static first_kicks begin_kicks(const ms_path_progress *k, int is_last, double dt,
+                               const double end[3]) {
+  ms_particle_path *p = k->p;
+  first_kicks f = {.of_v = is_on_solid(k) && !is_last,
+                   .start = ms_vec3_dot(k->contact.plane[0]->normal, p->w)};
+  f.w0 = kick_w_half(k, k->t, dt / 2);
+  if (f.of_v) f.v0 = kick_half(k, p->a, dt / 2, p->v);
+  else memcpy(p->v, end, sizeof p->v);
+  return f;
+}
+
+static void end_kicks(const ms_path_progress *k, double dt, const first_kicks *f) {
+  ms_particle_path *p = k->p;
+  release(k, f->start, f->w0, kick_w_half(k, k->t + dt, dt / 2), dt, p->w);
+  if (f->of_v) release(k, 0, f->v0, kick_half(k, p->a, dt / 2, p->v), dt, p->v);
+}
+
 /* The same in contact, on tangent planes. Impacts are found on the parabola to the end point of
- * sliding in the rest of the step, or in a part of it. */
+ * sliding in the rest of the step, or in a part of it. At an edge, beyond which surfaces are bent,
+ * the last kicks are those of the surface before it, unless that moves. */
 static const msim_plane *follow_slide(ms_path_progress *k, const double along[3], double friction,
                                       double left) {
   ms_particle_path *p = k->p;
@@ -217,22 +271,25 @@ static const msim_plane *follow_slide(ms_path_progress *k, const double along[3]
   ms_impacts_remove_normal(&k->contact, p->v, NULL);
   left = limit_turn(k, along, friction, left);
   slide(k, along, friction, left, end, dx);
-  for (int c = 0; c < 3; c++) bend[c] = 2 * (dx[c] - left * p->v[c]) / (left * left);
-  const double until = limit_slide(k, dx, bend, left, &edge);
+  for (int c = 0; c < 3; c++) /* without friction, rounding could seem to press in a short time */
+    bend[c] = friction > 0 ? 2 * (dx[c] - left * p->v[c]) / (left * left) : along[c];
+  const double until = limit_slide(k, dx, along, friction, left, &edge);
   const msim_plane *hit = ms_path_impact_find_in_frame(k, bend, until, &dt);
   if (hit && !refine_impact(k, along, friction, hit, until, &dt)) hit = NULL, k->is_partial = 1;
   if (dt < left) slide(k, along, friction, dt, end, dx);
-  const double g0 = kick_w_in_contact(k, k->t, dt / 2);
+  const int is_last = !hit && !k->is_partial && k->end == p->h;
+  const first_kicks kicks = begin_kicks(k, is_last, dt, end);
+  const int passes_edge = edge && !hit, ends_before = passes_edge && !ms_path_surface_moves(k);
+  if (ends_before) end_kicks(k, dt, &kicks);
   memcpy(n, k->contact.plane[0]->normal, sizeof n);
   ms_path_surface_move(k, &k->contact, dx, dt);
-  memcpy(p->v, end, sizeof end);
-  if ((ms_vec3_norm(dx) > 0 || ms_path_surface_moves(k)) && (hit || !edge))
+  if ((ms_vec3_norm(dx) > 0 || ms_path_surface_moves(k)) && !passes_edge)
     ms_path_surface_follow(k, &k->contact, n);
   ms_path_surface_set_frame(k, &k->contact);
-  release_w(k, g0, kick_w_in_contact(k, k->t + dt, dt / 2), dt);
+  if (!ends_before) end_kicks(k, dt, &kicks);
   ms_path_surface_add_work(k, before, from, dt);
   ms_path_surface_leave_frame(k);
-  if (edge && !hit) {
+  if (passes_edge) {
     remove_plane(&k->contact, edge);
     ms_obstacles_touch(&p->planes, p->x);
   }
@@ -333,9 +390,17 @@ static void leave_solids(ms_particle_path *p) {
   }
 }
 
+/* Where a part turns by the angle q over a length l, x is off by l q^2/3: by that a particle on the
+ * tangent plane falls behind one on the arc. */
+static double find_turn(const ms_particle_path *p) {
+  const double length = p->h * (ms_vec3_norm(p->v) + p->h * ms_vec3_norm(p->a) / 2);
+  return fmin(MS_PATH_SMALL_ANGLE, sqrt(3 * p->x_error / length));
+}
+
 void ms_particle_path_compute(ms_particle_path *p) {
   enum { MOST = 1000 };
   ms_path_progress k = {.p = p,
+                        .turn = find_turn(p),
                         .tolerance = 1e-14 * (ms_vec3_norm(p->v) + p->h * ms_vec3_norm(p->a))};
   p->impacts = 0, p->work = 0;
   p->touched.n = 0;

@@ -26,6 +26,7 @@ typedef struct ms_particle_path {
   double t;            /* s: the time at its start, where obstacles move */
   double h;            /* s: the length of the step */
   double bounce_reach; /* m: bounces with friction that reach farther are not summed */
+  double x_error;      /* m: what the turning of curved surfaces may add to the error of x */
   double x[3], v[3];   /* in: at its start; out: at its end, by a */
   double a[3];         /* m/s^2 */
   double w[3];         /* in: velocity at the start; out: at the end, by b */

@@ -119,8 +119,7 @@ static int is_nearly_steady(const ms_path_progress *k, const msim_plane *q, doub
   const ms_solid *later =
       ms_moving_obstacles_get(&p->planes, (int32_t)(now - p->planes.solid), at, &room);
   for (int c = 0; c < 3; c++) change[c] = later->acceleration[c] - now->acceleration[c];
-  return ms_vec3_norm(change) <= MS_PATH_SMALL_ANGLE * g &&
-         ms_vec3_norm(now->spin) * time <= MS_PATH_SMALL_ANGLE;
+  return ms_vec3_norm(change) <= k->turn * g && ms_vec3_norm(now->spin) * time <= k->turn;
 }
 
 /* 1 if the surface of q deviates little from its tangent plane over dx, and has no edge there */
@@ -128,7 +127,7 @@ static int is_nearly_flat(const ms_path_progress *k, const msim_plane *q, const 
   const ms_solid *solid = ms_obstacles_get_solid(&k->p->planes, q);
   if (!solid) return 1;
   const double bend = fabs(ms_signed_distance_bend(solid, k->p->x, dx));
-  return bend <= MS_PATH_SMALL_ANGLE * ms_vec3_norm(dx) &&
+  return bend <= k->turn * ms_vec3_norm(dx) &&
          ms_vec3_norm(dx) <= MS_PATH_SHARE_OF_CELL * ms_obstacles_find_cell(solid) &&
          !ms_path_surface_is_beyond_edge(k, solid, dx);
 }

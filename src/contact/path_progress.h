@@ -4,7 +4,7 @@
 
 #include "contact/particle_path.h"
 
-/* rad: normals of curved surfaces turn by less in a part of the path on their tangent planes */
+/* rad: the largest ms_path_progress.turn */
 #define MS_PATH_SMALL_ANGLE 0.125
 
 /* The longest part of a path along samples, over the smallest spacing of these */
@@ -18,6 +18,7 @@ typedef struct ms_path_progress {
   double frame[3];      /* m/s: that of the contact, while v and w are relative to it; 0 at rest */
   double displacement[3]; /* m: the last one of surfaces in contact */
   double tolerance;       /* rounding tolerance of a velocity */
+  double turn;            /* rad: normals of curved surfaces turn by less in a part of the path */
   int stalled;            /* consecutive impacts at most 1e-6 h apart */
   int is_partial; /* the last part of the path ended before an impact or the end of the step */
 } ms_path_progress;

@@ -117,7 +117,7 @@ double ms_path_surface_limit_rotation(const ms_path_progress *k, double left) {
   for (int i = 0; i < k->contact.n && ms_path_surface_moves(k); i++) {
     const ms_solid *solid = ms_obstacles_get_solid(&k->p->planes, k->contact.plane[i]);
     const double spin = solid ? ms_vec3_norm(solid->spin) : 0;
-    if (spin * left > MS_PATH_SMALL_ANGLE) left = MS_PATH_SMALL_ANGLE / spin;
+    if (spin * left > k->turn) left = k->turn / spin;
   }
   return left;
 }

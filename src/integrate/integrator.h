@@ -42,6 +42,7 @@ typedef struct ms_stepper {
   double impact;          /* the share of the step before its first impact; > 1: no impact */
   double x_tolerance;     /* m: under error control, the error of x that an event may add */
   double v_tolerance;     /* m/s: ... of v */
+  double path_tolerance;  /* m: ... that the turning of curved surfaces may add in the step */
   double path_error;      /* m/s: the largest error of v on particle paths (impact_location.h) */
   int32_t path_row;       /* the unknown with that error */
   int32_t npaths;         /* number of particle paths in all substeps of the step */

@@ -102,6 +102,7 @@ static void set_tolerances(const msim_sim *sim, ms_island_sim *m, double h, doub
   s->solve_tolerance = allowed > 0 ? fmax(1e-14, 0.05 * fmax(allowed, least.rounding)) : 0;
   s->x_tolerance = 0.1 * tol * least.extent;
   s->v_tolerance = 0.03 * tol * least.speed;
+  s->path_tolerance = 0.1 * allowed * least.extent;
   s->dense_output = 0;
   s->incomplete = 0;
 }
