@@ -256,8 +256,10 @@ class Quick(QuickTest):
         for name in expected:
             ended = [row for row in runs if row["method"].startswith(name)
                      and "aborted" not in row.get("reason", "")]
-            if ended:
-                self.assertLess(min(row.get("error", 1) for row in ended), 1e-4)
+            methods = {row["method"] for row in ended}
+            if ended:  # the coarsest run of a method may leave no time for another one
+                most = 1e-4 if len(ended) > len(methods) else 1e-2
+                self.assertLess(min(row.get("error", 1) for row in ended), most)
 
     def check_order(self, rows, method, order):
         """In a sweep over h that is neither too coarse nor at rounding level, half the step has
