@@ -196,7 +196,8 @@ static int is_decided(const ms_path_progress *k, const double dx[3], double dt, 
 static double limit_turn(ms_path_progress *k, const double along[3], double friction, double left) {
   const double NEAR = 1. / 64, EQUAL = 1e-9; /* distances in the middle, over the length */
   const ms_particle_path *p = k->p;
-  const double whole = left, allowed = p->planes.nsolids > is_on_solid(k) ? p->x_error : INFINITY;
+  const int may_meet_solids = p->planes.nsolids > is_on_solid(k);
+  const double whole = left, allowed = may_meet_solids ? p->x_error : INFINITY;
   for (; friction > 0 && p->planes.n > k->contact.n; left /= 2) {
     double v[3], dx[3], middle[3];
     slide(k, along, friction, left, v, dx);
@@ -239,8 +240,8 @@ typedef struct first_kicks {
   double v0, w0; /* normal accelerations of v and w */
 } first_kicks;
 
-/* On a solid v is kicked by halves at both ends, as w is, so that the path is of order 2 in the
- * length of its parts; `end` is exact on planes alone, and moves nothing after the last part. */
+/* On a solid v gets half kicks at both ends of a part, as w does: so the path is of order 2 in the
+ * length of its parts. `end` is exact on planes alone, and moves nothing after the last part. */
 static first_kicks begin_kicks(const ms_path_progress *k, int is_last, double dt,
                                const double end[3]) {
   ms_particle_path *p = k->p;

@@ -8,7 +8,7 @@
 #ifdef MS_HAS_SLICE_PAIRS
 #  include "physics/row_step.h"
 
-/*------------------------------------- halves of registers --------------------------------------*/
+/*------------------------------------- registers of two slices ----------------------------------*/
 
 /* The slices that have an entry left; a constant of the callers of functions with this argument */
 typedef enum which { LOW, HIGH, BOTH } which;
