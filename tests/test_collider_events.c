@@ -259,27 +259,38 @@ static void error_control_keeps_tol_on_a_sphere(void **state) {
   }
 }
 
+static const char *const controlled_methods[] = {"dop853", "rk4", "tr-bdf2", "velocity-verlet",
+                                                 "auto"};
+enum { NCONTROLLED = sizeof controlled_methods / sizeof *controlled_methods };
+
+/* The state after T with error control */
+static msim_state run_controlled(const msim_scene *scene, int method, int digits, double T,
+                                 msim_sim **sim) {
+  const char *name = controlled_methods[method];
+  msim_options opt = options(name, strcmp(name, "auto") == 0 ? MSIM_H_AUTO : 1e-2);
+  opt.tol = pow(10, -digits), opt.t_end = T, opt.steps = -1;
+  *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(*sim, NULL, NULL, err));
+  return state_of(*sim);
+}
+
 /* The circular motion above in few steps: no force changes, so that only the turning of the surface
  * gives errors. */
 static void error_control_keeps_tol_on_a_circle(void **state) {
   (void)state;
-  static const char *const methods[] = {"dop853", "rk4", "tr-bdf2", "velocity-verlet", "auto"};
   const double R = 2, v0 = 3, T = 2, x[3] = {R, 0, 0}, v[3] = {0, v0, 0};
   for (int i = 0; i < 2; i++) {
     const double mu = i ? 0.4 : 1e-12, q = mu * v0 * T / R, slower = 1 + q, angle = log1p(q) / mu;
     msim_scene *scene = make_single_particle(x, v, 0);
     add(scene, sphere(0, 0, 0, R, 0, mu), 1);
-    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
+    for (int m = 0; m < NCONTROLLED; m++)
       for (int digits = 3; digits <= 7; digits += 2) {
-        msim_options opt = options(methods[m], m == 4 ? MSIM_H_AUTO : 1e-2);
-        opt.tol = pow(10, -digits), opt.t_end = T, opt.steps = -1;
-        msim_sim *sim = make_sim(scene, &opt);
-        assert_ok(msim_sim_run(sim, NULL, NULL, err));
-        const msim_state s = state_of(sim);
+        msim_sim *sim;
+        const msim_state s = run_controlled(scene, m, digits, T, &sim);
         const double end[3] = {R * cos(angle), R * sin(angle), 0};
         const double slow = fabs(ms_vec3_norm(s.v) - v0 / slower);
-        if (!(fmax(distance(s.x, end), slow) <= 2 * opt.tol))
-          fail_msg("%s: %g with tol %g", methods[m], distance(s.x, end), opt.tol);
+        if (!(fmax(distance(s.x, end), slow) <= 2 * pow(10, -digits)))
+          fail_msg("%s: %g with tol 1e-%d", controlled_methods[m], distance(s.x, end), digits);
         msim_sim_destroy(sim);
       }
     double y[3], w[3];
@@ -300,22 +311,49 @@ static double pendulum(double angle, double T) {
 
 static void a_bead_in_a_bowl_is_a_pendulum(void **state) {
   (void)state;
-  static const char *const methods[] = {"dop853", "rk4", "tr-bdf2", "velocity-verlet", "auto"};
   const double T = 3, v[3] = {0};
   for (double angle = 0.01; angle <= 1; angle *= 10) {
     const double x[3] = {sin(angle), 0, -cos(angle)}, last = pendulum(angle, T),
                  end[3] = {sin(last), 0, -cos(last)};
     msim_scene *scene = make_single_particle(x, v, 9.81);
     add(scene, sphere(0, 0, 0, 1, 0, 0), 1);
-    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
+    for (int m = 0; m < NCONTROLLED; m++)
       for (int digits = 4; digits <= 6; digits++) {
-        msim_options opt = options(methods[m], m == 4 ? MSIM_H_AUTO : 1e-2);
-        opt.tol = pow(10, -digits), opt.t_end = T, opt.steps = -1;
-        msim_sim *sim = make_sim(scene, &opt);
-        assert_ok(msim_sim_run(sim, NULL, NULL, err));
-        const double error = distance(state_of(sim).x, end);
-        if (!(error <= 4 * opt.tol)) fail_msg("%s: %g with tol %g", methods[m], error, opt.tol);
+        msim_sim *sim;
+        const double error = distance(run_controlled(scene, m, digits, T, &sim).x, end);
+        if (!(error <= 4 * pow(10, -digits)))
+          fail_msg("%s: %g with tol 1e-%d", controlled_methods[m], error, digits);
         assert_true(stats_of(sim).steps < 200);
+        msim_sim_destroy(sim);
+      }
+    msim_scene_destroy(scene);
+  }
+}
+
+/* A bead slides under an overhang, on the floor or around a bowl, to a ball that rests there: it
+ * stays on its path, and returns with the restitution of what it hits. */
+static void a_sliding_bead_returns_from_an_overhang(void **state) {
+  (void)state;
+  const double v0 = 2, e = 0.7, T = 1, d = 0.8, r = 0.5, turn = 1.3;
+  for (int bowl = 0; bowl < 2; bowl++) {
+    const double x[3] = {bowl, 0, 0}, v[3] = {bowl ? 0 : v0, bowl ? v0 : 0, 0};
+    const double until = bowl ? turn - acos((1 + d * d - r * r) / (2 * d)) : 0.9;
+    const double last = until - e * (v0 * T - until);
+    const double end[3] = {bowl ? cos(last) : last, bowl ? sin(last) : 0, 0};
+    msim_scene *scene = make_single_particle(x, v, bowl ? 0 : 9.81);
+    if (bowl) {
+      add(scene, sphere(0, 0, 0, 1, 0, 0), 1);
+      add(scene, sphere(d * cos(turn), d * sin(turn), 0, r, e, 0), 0);
+    } else {
+      plane(scene, 0, 0, 1, 0, 0, 0);
+      plane(scene, -cos(0.5), 0, -sin(0.5), -until * cos(0.5), e, 0);
+    }
+    for (int m = 0; m < NCONTROLLED; m++)
+      for (int digits = 3; digits <= 10; digits++) {
+        msim_sim *sim;
+        const double error = distance(run_controlled(scene, m, digits, T, &sim).x, end);
+        if (!(error <= 4 * pow(10, -digits)))
+          fail_msg("%s, %d: %g with tol 1e-%d", controlled_methods[m], bowl, error, digits);
         msim_sim_destroy(sim);
       }
     msim_scene_destroy(scene);
@@ -409,6 +447,7 @@ int main(void) {
                                      cmocka_unit_test(error_control_keeps_tol_on_a_sphere),
                                      cmocka_unit_test(error_control_keeps_tol_on_a_circle),
                                      cmocka_unit_test(a_bead_in_a_bowl_is_a_pendulum),
+                                     cmocka_unit_test(a_sliding_bead_returns_from_an_overhang),
                                      cmocka_unit_test(thin_solids_stop_particles),
                                      cmocka_unit_test(a_stiff_pair_slides_in_a_sphere)};
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -321,6 +321,21 @@ static void a_narrow_wedge_is_one_impact(void **state) {
   }
 }
 
+/* A particle that slides along a plane to one that overhangs it, at 127 degrees, bounces along it,
+ * with any rounding of the velocity. */
+static void a_slide_takes_part_in_an_impact(void **state) {
+  (void)state;
+  const msim_plane plane[2] = {{{0, 0, 1}, 0, 0, 0}, {{-0.8, 0, -0.6}, 0, 0.5, 0}};
+  const ms_plane_set touch = {.n = 2, .plane = {&plane[0], &plane[1]}};
+  for (int i = -1; i <= 1; i++) {
+    double v[3] = {2, 1, i * 1e-16};
+    assert_int_equal(ms_impacts_bounce(&touch, v), 1);
+    assert_close(v[0], -1, 1e-14);
+    assert_close(v[1], 1, 0);
+    assert_close(v[2], 0, 1e-15);
+  }
+}
+
 /* The vector nearest to u that points into no plane (Moreau): the correction by the planes is
  * perpendicular to the result. */
 static void projection_is_the_nearest(void **state) {
@@ -360,6 +375,7 @@ int main(void) {
                                      cmocka_unit_test(pinned_particles_are_not_reflected),
                                      cmocka_unit_test(corners_bounce_in_any_order),
                                      cmocka_unit_test(a_narrow_wedge_is_one_impact),
+                                     cmocka_unit_test(a_slide_takes_part_in_an_impact),
                                      cmocka_unit_test(projection_is_the_nearest)};
   return cmocka_run_group_tests_name("planes", tests, NULL, NULL);
 }

@@ -162,13 +162,14 @@ int ms_impacts_bounce(const ms_plane_set *touch, double v[3]) {
   double least[MS_MAX_TOUCHED_PLANES] = {0}, J[MS_MAX_TOUCHED_PLANES] = {0};
   const double tolerance = ms_impacts_speed_tolerance(v);
   for (int round = 0; round < MOST; round++) {
-    const ms_plane_set hit = ms_impacts_select_approached(touch, v, -tolerance);
-    if (!hit.n && round > 0 && ms_vec3_norm(v) <= tolerance) memset(v, 0, 3 * sizeof *v);
-    if (!hit.n) return round > 0;
-    for (int i = 0; i < hit.n; i++)
-      least[i] = -hit.plane[i]->restitution * ms_vec3_dot(hit.plane[i]->normal, v);
-    ms_impacts_project(&hit, least, v, J);
-    apply_impact_friction(&hit, J, v);
+    const int hits = ms_impacts_select_approached(touch, v, -tolerance).n;
+    if (!hits && round > 0 && ms_vec3_norm(v) <= tolerance) memset(v, 0, 3 * sizeof *v);
+    if (!hits) return round > 0;
+    const ms_plane_set on = ms_impacts_select_approached(touch, v, tolerance);
+    for (int i = 0; i < on.n; i++)
+      least[i] = fmax(0, -on.plane[i]->restitution * ms_vec3_dot(on.plane[i]->normal, v));
+    ms_impacts_project(&on, least, v, J);
+    apply_impact_friction(&on, J, v);
   }
   ms_impacts_project(touch, zero_targets, v, J);
   return 1;

@@ -60,9 +60,9 @@ ms_plane_set ms_impacts_select_pushing(const ms_plane_set *touch, const double *
  * J: one for each plane, 0 if it does not act. */
 void ms_impacts_project(const ms_plane_set *touch, const double *least, double u[3], double *J);
 
-/* Velocity after an impact: n_i.v' >= -e_i n_i.v for the planes that v approaches; the part v_t of
- * v' parallel to those with J_i > 0 is scaled by max(0, 1 - sum mu_i J_i/|v_t|). Repeated until v'
- * approaches no plane. Returns 1 if there was an impact. */
+/* Velocity after an impact: n_i.v' >= -e_i n_i.v for the planes that v approaches or slides along,
+ * n_i.v <= 0; the part v_t of v' parallel to those with J_i > 0 is scaled by max(0, 1 - sum mu_i
+ * J_i/|v_t|). Repeated until v' approaches no plane. Returns 1 if there was an impact. */
 int ms_impacts_bounce(const ms_plane_set *touch, double v[3]);
 
 /* u += sum J_i n_i so that n_i.u = to_i for the first three planes; returns 0, and u stays, if they

@@ -316,15 +316,17 @@ static void add_touched(ms_particle_path *p, const ms_plane_set *touched) {
 
 /* After an impact, in the frame of the planes `touched`: the planes that the particle rests on, or
  * the bounces that follow. After MAX_STALLED stalled impacts, as in a corner, v and w are projected
- * without restitution. */
+ * without restitution, and the tolerance grows: normals of solids are rounded to some 1e-14, so
+ * that in a groove no v may satisfy all. */
 static void rest_on(ms_path_progress *k, const ms_plane_set *touched) {
-  enum { MAX_STALLED = 8 };
+  enum { MAX_STALLED = 8, MAX_STALLS = 4 };
   ms_particle_path *p = k->p;
   if (k->stalled > MAX_STALLED) {
     double unused;
     ms_impacts_remove_pressing(touched, 0, p->v, &unused);
     ms_impacts_remove_pressing(touched, 0, p->w, &unused);
     find_resting_planes(k, touched, 1e4 * k->tolerance);
+    if (k->stalls++ < MAX_STALLS) k->tolerance *= 10;
     k->stalled = 0;
     return;
   }
@@ -337,14 +339,22 @@ static void rest_on(ms_path_progress *k, const ms_plane_set *touched) {
   }
 }
 
-/* Impact on `hit` (nullable) and the other planes that x touches */
+/* Impact on `hit` (nullable) and the other planes that x touches. For those that it presses on n.v
+ * is 0, whatever errors say. */
 static void handle_impact(ms_path_progress *k, const msim_plane *hit) {
   ms_particle_path *p = k->p;
-  if (hit) ms_obstacles_move_onto(&p->planes, &(ms_plane_set){1, {hit}}, p->x);
+  ms_plane_set pressed = {0};
+  if (hit) {
+    double unused[3] = {p->a[0], p->a[1], p->a[2]}, friction;
+    ms_obstacles_move_onto(&p->planes, &(ms_plane_set){1, {hit}}, p->x);
+    pressed = press(k, p->v, unused, &friction);
+  }
   const ms_plane_set touched = ms_impacts_find_touched(&p->planes, p->x);
   add_touched(p, &touched);
   ms_path_surface_enter_frame(k, &touched);
   const double before[3] = {p->w[0], p->w[1], p->w[2]};
+  ms_impacts_remove_normal(&pressed, p->v, NULL);
+  ms_impacts_remove_normal(&pressed, p->w, NULL);
   p->impacts += ms_impacts_bounce(&touched, p->v);
   ms_impacts_bounce(&touched, p->w);
   for (int c = 0; c < 3 && ms_path_surface_moves(k); c++)

@@ -11,10 +11,18 @@
 
 /*------------------------------------- the next impact ------------------------------------------*/
 
+/* A normal acceleration of a particle that touches a surface, 0 if it is but a rounding error: else
+ * a particle that slides along the surface, not pressed, would hit it again and again. */
+static double round_acceleration(const ms_path_progress *k, double g, double left) {
+  return fabs(g) * left > k->tolerance ? g : 0;
+}
+
 /* When s + u t + g t^2/2 falls below 0; INFINITY: never. touches: s counts as 0. */
-static double time_to_plane(double s, double u, double g, int touches, double tolerance) {
-  if (touches) return u < -tolerance ? 0 : g < 0 ? fmax(0, -2 * u / g) : INFINITY;
-  return ms_impact_time_to_plane(s, u, g);
+static double time_to_plane(const ms_path_progress *k, double s, double u, double g, double left,
+                            int touches) {
+  if (!touches) return ms_impact_time_to_plane(s, u, g);
+  if (u < -k->tolerance) return 0;
+  return round_acceleration(k, g, left) < 0 ? fmax(0, -2 * u / g) : INFINITY;
 }
 
 /* When a particle that touches a surface, with s = u t + g t^2/2, u >= 0, is twice the tolerance
@@ -44,6 +52,7 @@ static double time_to_solid(const ms_path_progress *k, int32_t i, const double v
         ms_moving_obstacles_find_normal_acceleration(solid, q->normal, p->x, v);
   }
   if (u < -k->tolerance) return 0;
+  g = round_acceleration(k, g, left);
   double from = time_to_leave(fmax(0, u), g, left, tolerance);
   double when = ms_impact_time_find(&parabola, i, from, left, tolerance);
   while (g >= 0 && when == from && from > 0 &&
@@ -65,7 +74,7 @@ const msim_plane *ms_path_impact_find(const ms_path_progress *k, const double v[
     if (ms_impacts_contains_plane(&k->contact, q)) continue;
     const double s = ms_impacts_distance(q, k->p->x), *n = q->normal;
     const double t =
-        time_to_plane(s, ms_vec3_dot(n, v), ms_vec3_dot(n, a), s <= tolerance, k->tolerance);
+        time_to_plane(k, s, ms_vec3_dot(n, v), ms_vec3_dot(n, a), left, s <= tolerance);
     if (t < *when) *when = t, first = q;
   }
   for (int32_t i = 0; i < planes->nsolids; i++) {

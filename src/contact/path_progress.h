@@ -20,6 +20,7 @@ typedef struct ms_path_progress {
   double tolerance;       /* rounding tolerance of a velocity */
   double turn;            /* rad: normals of curved surfaces turn by less in a part of the path */
   int stalled;            /* consecutive impacts at most 1e-6 h apart */
+  int stalls;             /* how often these were too many */
   int is_partial; /* the last part of the path ended before an impact or the end of the step */
 } ms_path_progress;
 
