@@ -20,7 +20,7 @@ static void begin_event_step(const ms_integrator *method, ms_stepper *s) {
   e->nfollowed = 0;
   s->cached_stage &= ~MS_CONTACTS_CACHED;
   s->impact = MS_NOWHERE;
-  s->path_error = 0, s->npaths = 0;
+  if (s->part == 0) s->path_error = 0, s->npaths = 0;
 }
 
 /* The method's own step, which reflects */
