@@ -20,6 +20,8 @@ SOLIDS = (20, 38, 40, 46, 47, 65, 184, 287, 1013, 2015, 2246, 2294, 3146,  # up 
           250, 1016,  # tr-bdf2 and rk4 hardly ended
           1399,  # rk4 0.05 mm off: step doubling did not see what an impact does to neighbours
           6230)  # all 7 mm off: rounding decided whether a bowl took part in an impact
+MOVING = (38, 44, 57, 168,  # up to 7.6 m off at times of a motion, or teleported to a solid
+          113, 157, 170)  # steps of 1e-14 s, or 2.2 m off, at an edge
 METHODS = ("dop853", "auto", "rk4", "tr-bdf2")
 
 
@@ -110,6 +112,39 @@ def solids(seed):
     return fall
 
 
+def motion(rng, start):
+    """Of 0.15 m and, often, 0.8 rad, within 1 s"""
+    spin, knots = rng.choice([0, 0, 0.8]), rng.choice([2, 3, 4, 5])
+    times = [0, *sorted(rng.uniform(0.1, 0.9) for _ in range(knots - 2)), 1]
+    of = {"t": times, "x": [start] + [[p + rng.uniform(-0.15, 0.15) for p in start]
+                                      for _ in times[1:]],
+          "interpolation": rng.choice(["linear", "cubic", "cubic"])}
+    if spin:
+        of["rotation"] = [[0, 0, 0]] + [vector(rng, spin) for _ in times[1:]]
+    return of
+
+
+def moving(seed):
+    """1 or 2 masses over 1 or 2 solids, most of which move."""
+    rng = random.Random(seed * 65537 + 3)
+    n, colliders = rng.choice([1, 1, 2]), []
+    for _ in range(rng.choice([1, 1, 2])):
+        of = solid(rng)
+        if rng.random() < 0.8:
+            ends = [of["center"]] if "center" in of else [of["from"], of["to"]]
+            of["motion"] = motion(rng, [sum(p) / len(p) for p in zip(*ends)])
+        colliders.append(of)
+    fall = {"gravity": [0, 0, -9.81], "colliders": colliders,
+            "particles": {"x": [[rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3),
+                                 rng.uniform(0.35, 0.7)] for _ in range(n)],
+                          "v": [vector(rng, 1) for _ in range(n)],
+                          "mass": [10 ** rng.uniform(-1, 0.3) for _ in range(n)]}}
+    if n > 1:
+        fall["springs"] = {"ij": [[0, 1]], "k": [10 ** rng.uniform(1, 2.3)],
+                           "damping": rng.choice([0, 0.05])}
+    return fall
+
+
 def foot(angle, between_bars):
     """2 masses on a spring slide along the foot of a wall that overhangs a floor with friction, or
     between two round bars, and turn back many times. These touch, and do not press."""
@@ -162,6 +197,32 @@ class RandomContact(unittest.TestCase):
 
     def test_tol_is_kept_on_solids(self):
         self.check_all(solids, SOLIDS, 0.8)
+
+    def test_errors_are_small_on_solids_that_move(self):
+        support.setting("CLI")
+        with tempfile.TemporaryDirectory() as folder:
+            runner = Runner(folder)
+            for seed, method in itertools.product(MOVING, ("dop853", "rk4", "tr-bdf2")):
+                fine, end = (runner.run(moving(seed), {"integrator": by, "tol": tol, "t_end": 0.8})
+                             for by, tol in (("dop853", 1e-8), (method, TOL)))
+                self.assertLessEqual(distance(end, fine), 200 * TOL, (seed, method))
+
+    def test_tol_is_kept_on_a_table_that_accelerates(self):
+        """Sideways, or as it tilts: no force changes, only the acceleration of the surface."""
+        support.setting("CLI")
+        for motion in ({"x": [[0, 0, -1], [0.5, 0, -1], [0, 0.5, -1]]},
+                       {"x": [[0, 0, -1]] * 3, "rotation": [[0, 0, 0], [0, 0.3, 0], [0, 0.3, 0]]}):
+            table = {"type": "box", "center": [0, 0, -1], "size": [20, 20, 2], "friction": 0.2,
+                     "motion": {"t": [0, 1, 2], "interpolation": "cubic", **motion}}
+            ride = {"gravity": [0, 0, -9.81], "colliders": [table],
+                    "particles": {"x": [[0.5, 0, 0]], "v": [[0, 1, 0]], "mass": [1]}}
+            with tempfile.TemporaryDirectory() as folder:
+                runner = Runner(folder)
+                fine = runner.run(ride, {"integrator": "velocity-verlet", "collision": "event",
+                                         "h": 2.5e-5, "steps": 32000})
+                for method, tol in itertools.product(("dop853", "rk4"), (1e-4, 1e-6)):
+                    end = runner.run(ride, {"integrator": method, "tol": tol, "t_end": 0.8})
+                    self.assertLessEqual(distance(end, fine), 2 * tol, (method, tol, motion))
 
     def test_tol_is_kept_along_a_foot(self):
         """However normals and the directions along it are rounded"""

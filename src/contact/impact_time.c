@@ -134,7 +134,7 @@ static double find_on_samples(const ms_parabola *f, int32_t i, double from, doub
 
 double ms_impact_time_find(const ms_parabola *f, int32_t i, double from, double left,
                            double tolerance) {
-  enum { MOST = 200 };
+  enum { MOST = 100000 };
   double t = from;
   if (t > left) return INFINITY;
   if (f->planes->solid[i].samples) return find_on_samples(f, i, from, left, tolerance);
@@ -144,7 +144,7 @@ double ms_impact_time_find(const ms_parabola *f, int32_t i, double from, double 
     if (e.s <= tolerance) return t;
     t += bound_time(f, i, &e, t, left, tolerance);
   }
-  return f->planes->moving && t <= left ? t : INFINITY;
+  return INFINITY;
 }
 
 int ms_impact_time_is_inside(const ms_parabola *f, int32_t i, double when, double tolerance) {

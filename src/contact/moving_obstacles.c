@@ -58,9 +58,8 @@ static void add_cross(const double a[3], const double b[3], double to[3]) {
     to[c] += a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
 }
 
-/* c'' + w' x (x - c) + w x (v - c') */
-static void find_point_acceleration(const ms_solid *s, const double x[3], const double v[3],
-                                    double a[3]) {
+void ms_moving_obstacles_find_point_acceleration(const ms_solid *s, const double x[3],
+                                                 const double v[3], double a[3]) {
   double r[3], w[3];
   for (int c = 0; c < 3; c++) r[c] = x[c] - s->center[c], w[c] = v[c] - s->velocity[c];
   memcpy(a, s->acceleration, sizeof s->acceleration);
@@ -95,7 +94,7 @@ void ms_moving_obstacles_find_acceleration(const ms_collision_planes *planes,
   double of[MS_MAX_TOUCHED_PLANES][3] = {0};
   for (int i = 0; i < on->n; i++) {
     const ms_solid *solid = ms_obstacles_get_solid(planes, on->plane[i]);
-    if (solid) find_point_acceleration(solid, x, v, of[i]);
+    if (solid) ms_moving_obstacles_find_point_acceleration(solid, x, v, of[i]);
   }
   ms_moving_obstacles_combine(on, of, a);
 }
@@ -105,7 +104,7 @@ double ms_moving_obstacles_find_normal_acceleration(const ms_solid *solid, const
   double u[3], a[3], turn[3] = {0};
   ms_signed_distance_find_velocity(solid, x, u);
   for (int c = 0; c < 3; c++) u[c] = v[c] - u[c];
-  find_point_acceleration(solid, x, v, a);
+  ms_moving_obstacles_find_point_acceleration(solid, x, v, a);
   add_cross(solid->spin, n, turn);
   return ms_vec3_dot(n, a) - ms_vec3_dot(turn, u) - ms_signed_distance_bend(solid, x, u);
 }

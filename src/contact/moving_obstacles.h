@@ -40,6 +40,10 @@ void ms_moving_obstacles_find_acceleration(const ms_collision_planes *planes,
                                            const ms_plane_set *on, const double x[3],
                                            const double v[3], double a[3]);
 
+/* c'' + w' x (x - c) + w x (v - c'), of a point of a solid at x, with v its own velocity */
+void ms_moving_obstacles_find_point_acceleration(const ms_solid *solid, const double x[3],
+                                                 const double v[3], double a[3]);
+
 /* n.a of a particle that stays on solid i, of normal n, at x with velocity v: s'' = 0 */
 double ms_moving_obstacles_find_normal_acceleration(const ms_solid *solid, const double n[3],
                                                     const double x[3], const double v[3]);

@@ -148,7 +148,7 @@ static double limit_slide(ms_path_progress *k, const double dx[3], const double 
                           double friction, double left, const msim_plane **edge) {
   const double size = ms_vec3_norm(dx), whole = left;
   *edge = NULL;
-  left = ms_path_surface_limit_rotation(k, ms_path_surface_time_to_release(k, left));
+  left = ms_path_surface_limit_motion(k, ms_path_surface_time_to_release(k, left));
   for (int i = 0; i < k->contact.n && k->p->planes.nsolids && size > 0; i++) {
     const ms_solid *solid = ms_obstacles_get_solid(&k->p->planes, k->contact.plane[i]);
     if (!solid) continue;
@@ -259,9 +259,24 @@ static void end_kicks(const ms_path_progress *k, double dt, const first_kicks *f
   if (f->of_v) release(k, 0, f->v0, kick_half(k, p->a, dt / 2, p->v), dt, p->v);
 }
 
+/* The same at an edge, beyond which surfaces are bent: on the surface just before it, unless that
+ * is too near. n: its normal at the start of the slide by dx */
+static void end_kicks_at_edge(ms_path_progress *k, const double n[3], const double dx[3], double dt,
+                              const first_kicks *f) {
+  const double BACK = 1e-3, SHARP = 0.9;
+  ms_particle_path *p = k->p;
+  const double x[3] = {p->x[0], p->x[1], p->x[2]};
+  ms_vec3_axpy(-BACK, dx, p->x);
+  ms_obstacles_touch(&p->planes, p->x);
+  if (ms_vec3_dot(n, k->contact.plane[0]->normal) >= SHARP) {
+    ms_path_surface_follow(k, &k->contact, n);
+    end_kicks(k, dt, f);
+  }
+  memcpy(p->x, x, sizeof x);
+}
+
 /* The same in contact, on tangent planes. Impacts are found on the parabola to the end point of
- * sliding in the rest of the step, or in a part of it. At an edge, beyond which surfaces are bent,
- * the last kicks are those of the surface before it, unless that moves. */
+ * sliding in the rest of the step, or in a part of it. */
 static const msim_plane *follow_slide(ms_path_progress *k, const double along[3], double friction,
                                       double left) {
   ms_particle_path *p = k->p;
@@ -280,14 +295,14 @@ static const msim_plane *follow_slide(ms_path_progress *k, const double along[3]
   if (dt < left) slide(k, along, friction, dt, end, dx);
   const int is_last = !hit && !k->is_partial && k->end == p->h;
   const first_kicks kicks = begin_kicks(k, is_last, dt, end);
-  const int passes_edge = edge && !hit, ends_before = passes_edge && !ms_path_surface_moves(k);
-  if (ends_before) end_kicks(k, dt, &kicks);
+  const int passes_edge = edge && !hit;
   memcpy(n, k->contact.plane[0]->normal, sizeof n);
   ms_path_surface_move(k, &k->contact, dx, dt);
   if ((ms_vec3_norm(dx) > 0 || ms_path_surface_moves(k)) && !passes_edge)
     ms_path_surface_follow(k, &k->contact, n);
   ms_path_surface_set_frame(k, &k->contact);
-  if (!ends_before) end_kicks(k, dt, &kicks);
+  if (passes_edge) end_kicks_at_edge(k, n, dx, dt, &kicks);
+  else end_kicks(k, dt, &kicks);
   ms_path_surface_add_work(k, before, from, dt);
   ms_path_surface_leave_frame(k);
   if (passes_edge) {
@@ -344,17 +359,17 @@ static void rest_on(ms_path_progress *k, const ms_plane_set *touched) {
 static void handle_impact(ms_path_progress *k, const msim_plane *hit) {
   ms_particle_path *p = k->p;
   ms_plane_set pressed = {0};
-  if (hit) {
+  if (hit) ms_obstacles_move_onto(&p->planes, &(ms_plane_set){1, {hit}}, p->x);
+  if (hit && k->contact.n) {
     double unused[3] = {p->a[0], p->a[1], p->a[2]}, friction;
-    ms_obstacles_move_onto(&p->planes, &(ms_plane_set){1, {hit}}, p->x);
     pressed = press(k, p->v, unused, &friction);
   }
   const ms_plane_set touched = ms_impacts_find_touched(&p->planes, p->x);
   add_touched(p, &touched);
   ms_path_surface_enter_frame(k, &touched);
   const double before[3] = {p->w[0], p->w[1], p->w[2]};
-  ms_impacts_remove_normal(&pressed, p->v, NULL);
-  ms_impacts_remove_normal(&pressed, p->w, NULL);
+  if (pressed.n) ms_impacts_remove_normal(&pressed, p->v, NULL);
+  if (pressed.n) ms_impacts_remove_normal(&pressed, p->w, NULL);
   p->impacts += ms_impacts_bounce(&touched, p->v);
   ms_impacts_bounce(&touched, p->w);
   for (int c = 0; c < 3 && ms_path_surface_moves(k); c++)
@@ -365,10 +380,13 @@ static void handle_impact(ms_path_progress *k, const msim_plane *hit) {
 
 /*------------------------------------- the whole step -------------------------------------------*/
 
-/* Sets the end of the part of the path that begins, and places obstacles at its start. */
+/* Sets both ends of the part of the path that begins, and places obstacles at its start. A time of
+ * a motion within rounding of the step's end is that. */
 static void begin_part(ms_path_progress *k) {
   ms_particle_path *p = k->p;
-  k->end = fmin(p->h, ms_moving_obstacles_next_time(&p->planes, p->t + k->t) - p->t);
+  const double next = ms_moving_obstacles_next_time(&p->planes, p->t + k->t) - p->t;
+  k->start = k->t;
+  k->end = next < p->h - 4 * DBL_EPSILON * (p->t + p->h) ? next : p->h;
   ms_path_surface_place(k, k->t, 0);
 }
 

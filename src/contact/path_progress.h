@@ -13,7 +13,7 @@
 /* Progress of the particle in the step. */
 typedef struct ms_path_progress {
   ms_particle_path *p;
-  double t, end; /* s: the end of this part of the path, at a time of a motion or the step's */
+  double t, start, end; /* s: this part of the path is between times of motions or of the step */
   ms_plane_set contact; /* the planes that it rests on or slides along */
   double frame[3];      /* m/s: that of the contact, while v and w are relative to it; 0 at rest */
   double displacement[3]; /* m: the last one of surfaces in contact */

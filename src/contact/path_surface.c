@@ -11,11 +11,18 @@
 
 int ms_path_surface_moves(const ms_path_progress *k) { return k->p->planes.moving != NULL; }
 
-void ms_path_surface_place(const ms_path_progress *k, double t, int before) {
+/* Places obstacles at the time t of the path. At its end, as they move before a motion changes
+ * there, unless rounding leaves no time since it began, where it may have changed. */
+static void place(const ms_path_progress *k, double t, int is_end) {
   const ms_particle_path *p = k->p;
-  if (!ms_path_surface_moves(k)) return;
+  const int before = is_end && p->t + t > p->t + k->start;
   ms_moving_obstacles_place(&p->planes, (ms_instant){.t = p->t + t, .before = before});
-  ms_obstacles_touch(&p->planes, p->x);
+}
+
+void ms_path_surface_place(const ms_path_progress *k, double t, int is_end) {
+  if (!ms_path_surface_moves(k)) return;
+  place(k, t, is_end);
+  ms_obstacles_touch(&k->p->planes, k->p->x);
 }
 
 void ms_path_surface_set_frame(ms_path_progress *k, const ms_plane_set *on) {
@@ -47,7 +54,7 @@ void ms_path_surface_move(ms_path_progress *k, const ms_plane_set *on, const dou
     return;
   }
   ms_moving_obstacles_save_poses(&p->planes, on, &poses);
-  ms_moving_obstacles_place(&p->planes, (ms_instant){.t = p->t + k->t + dt, .before = 1});
+  place(k, k->t + dt, 1);
   ms_vec3_axpy(0.5, dx, p->x);
   for (int c = 0; c < 3; c++) k->displacement[c] = -p->x[c];
   ms_moving_obstacles_carry(&p->planes, on, &poses, p->x);
@@ -113,11 +120,28 @@ double ms_path_surface_time_to_release(const ms_path_progress *k, double left) {
   return fmin(left, left * (g[0] / (g[0] - g[1]) + LATER));
 }
 
-double ms_path_surface_limit_rotation(const ms_path_progress *k, double left) {
+/* How much the acceleration of the surface of a solid at x changes in the time left */
+static double find_change(const ms_path_progress *k, const ms_solid *solid, double left) {
+  const ms_particle_path *p = k->p;
+  const ms_instant end = {.t = p->t + k->t + left, .before = 1};
+  ms_solid room;
+  double A[2][3], of[3];
+  const ms_solid *later =
+      ms_moving_obstacles_get(&p->planes, (int32_t)(solid - p->planes.solid), end, &room);
+  for (int c = 0; c < 3; c++) of[c] = p->v[c] + k->frame[c];
+  ms_moving_obstacles_find_point_acceleration(solid, p->x, of, A[0]);
+  ms_moving_obstacles_find_point_acceleration(later, p->x, of, A[1]);
+  ms_vec3_axpy(-1, A[0], A[1]);
+  return ms_vec3_norm(A[1]);
+}
+
+double ms_path_surface_limit_motion(const ms_path_progress *k, double left) {
+  const ms_particle_path *p = k->p;
   for (int i = 0; i < k->contact.n && ms_path_surface_moves(k); i++) {
-    const ms_solid *solid = ms_obstacles_get_solid(&k->p->planes, k->contact.plane[i]);
+    const ms_solid *solid = ms_obstacles_get_solid(&p->planes, k->contact.plane[i]);
     const double spin = solid ? ms_vec3_norm(solid->spin) : 0;
     if (spin * left > k->turn) left = k->turn / spin;
+    while (solid && find_change(k, solid, left) * left * p->h / 12 > p->x_error) left /= 2;
   }
   return left;
 }

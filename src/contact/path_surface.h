@@ -8,8 +8,9 @@
 /* 1: a solid of the scene moves. Else v and w stay absolute, and the frame 0. */
 int ms_path_surface_moves(const ms_path_progress *k);
 
-/* Places obstacles at the time t of the path; before: of a motion that changes there, as before. */
-void ms_path_surface_place(const ms_path_progress *k, double t, int before);
+/* Places obstacles at the time t of the path, at the start or at the end of a part of it: a motion
+ * may change between. */
+void ms_path_surface_place(const ms_path_progress *k, double t, int is_end);
 
 /* The frame gets the velocity of the surfaces of `on` at x. */
 void ms_path_surface_set_frame(ms_path_progress *k, const ms_plane_set *on);
@@ -47,8 +48,9 @@ int ms_path_surface_holds(const ms_path_progress *k, const msim_plane *plane, co
  * left: they are linear in time where it does not rotate; `left`: never. */
 double ms_path_surface_time_to_release(const ms_path_progress *k, double left);
 
-/* The time in which the surfaces in contact rotate by little */
-double ms_path_surface_limit_rotation(const ms_path_progress *k, double left);
+/* The time in which the surfaces in contact rotate by little, and their acceleration, whose change
+ * dA moves x by dA dt^2/12, is nearly constant */
+double ms_path_surface_limit_motion(const ms_path_progress *k, double left);
 
 /* Move x onto the surfaces in contact, and turn v and w with their tangent planes (parallel
  * transport), which keeps speeds. n: the normal of the first one before */
