@@ -37,7 +37,7 @@ CLOTH = {
 }
 PARTICLES = 480
 EXPLICIT = "--integrator velocity-verlet --h 5e-4 --steps 600 --every 30"
-IMPLICIT = "--integrator linearly-implicit-euler --h 1e-3 --steps 40 --every 2"
+IMPLICIT = "--integrator linearly-implicit-euler --h 1e-3 --steps 400 --every 20"
 
 
 class RankFiles(CliTest):
