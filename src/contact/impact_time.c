@@ -72,6 +72,10 @@ static double bound_normal_acceleration(const ms_parabola *f, int32_t i, const e
 
 /*------------------------------------- lower bounds ---------------------------------------------*/
 
+/* Iterations: a bound on the acceleration of a solid holds for its whole motion, and where that is
+ * violent anywhere, all lower bounds are small. */
+enum { MOST_BOUNDS = 100000 };
+
 /* A lower bound of the time of impact on a solid inside out, from the distance s, with n.v = u,
  * |v| = V and |a| = A: the time in which a particle may move by s or, if that is longer, as long as
  * it moves by less than R/2 - s, the root of s + u t - B t^2/2. There the curvature is at most 2/R,
@@ -116,9 +120,8 @@ static double bisect(const ms_parabola *f, int32_t i, double low, double high, d
 /* The particle may move by a lower bound of its distance, or by a share of a cell. */
 static double find_on_samples(const ms_parabola *f, int32_t i, double from, double left,
                               double tolerance) {
-  enum { MOST = 100000 };
   double t = from, before = from;
-  for (int k = 0; k < MOST; k++) {
+  for (int k = 0; k < MOST_BOUNDS; k++) {
     encounter e;
     meet(f, i, t, &e);
     if (e.s <= tolerance) return t > from ? bisect(f, i, before, t, tolerance) : t;
@@ -134,11 +137,10 @@ static double find_on_samples(const ms_parabola *f, int32_t i, double from, doub
 
 double ms_impact_time_find(const ms_parabola *f, int32_t i, double from, double left,
                            double tolerance) {
-  enum { MOST = 100000 };
   double t = from;
   if (t > left) return INFINITY;
   if (f->planes->solid[i].samples) return find_on_samples(f, i, from, left, tolerance);
-  for (int k = 0; k < MOST && t <= left; k++) {
+  for (int k = 0; k < MOST_BOUNDS && t <= left; k++) {
     encounter e;
     meet(f, i, t, &e);
     if (e.s <= tolerance) return t;

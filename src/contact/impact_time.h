@@ -23,7 +23,8 @@ double ms_impact_time_to_plane(double s, double u, double g);
 enum { MS_IMPACT_TIME_SHARES = 16 };
 
 /* When the particle comes closer to solid i than the tolerance, from the time `from` after the
- * start on; INFINITY: not before `left`, until which no motion of the solid reaches a new time. */
+ * start on; INFINITY: not before `left`, until which no motion of the solid reaches a new time, or
+ * not found within 100,000 lower bounds. */
 double ms_impact_time_find(const ms_parabola *parabola, int32_t i, double from, double left,
                            double tolerance);
 

@@ -263,12 +263,12 @@ static void end_kicks(const ms_path_progress *k, double dt, const first_kicks *f
  * is too near. n: its normal at the start of the slide by dx */
 static void end_kicks_at_edge(ms_path_progress *k, const double n[3], const double dx[3], double dt,
                               const first_kicks *f) {
-  const double BACK = 1e-3, SHARP = 0.9;
+  const double BACK = 1e-3;
   ms_particle_path *p = k->p;
   const double x[3] = {p->x[0], p->x[1], p->x[2]};
   ms_vec3_axpy(-BACK, dx, p->x);
   ms_obstacles_touch(&p->planes, p->x);
-  if (ms_vec3_dot(n, k->contact.plane[0]->normal) >= SHARP) {
+  if (ms_vec3_dot(n, k->contact.plane[0]->normal) >= MS_PATH_SHARP_COSINE) {
     ms_path_surface_follow(k, &k->contact, n);
     end_kicks(k, dt, f);
   }

@@ -7,6 +7,10 @@
 /* rad: the largest ms_path_progress.turn */
 #define MS_PATH_SMALL_ANGLE 0.125
 
+/* The cosine of the angle between the normals at both ends of a part of the path: across an edge it
+ * is less than this, elsewhere more */
+#define MS_PATH_SHARP_COSINE 0.9
+
 /* The longest part of a path along samples, over the smallest spacing of these */
 #define MS_PATH_SHARE_OF_CELL 0.125
 

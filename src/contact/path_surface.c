@@ -182,7 +182,6 @@ static void keep_energy(ms_path_progress *k, const ms_plane_set *on, const doubl
 }
 
 void ms_path_surface_follow(ms_path_progress *k, const ms_plane_set *on, const double n[3]) {
-  const double SHARP = 0.9; /* cosine of the angle at which facets of samples stop a particle */
   ms_particle_path *p = k->p;
   if (!p->planes.nsolids) {
     ms_impacts_move_onto(on, p->x);
@@ -192,7 +191,7 @@ void ms_path_surface_follow(ms_path_progress *k, const ms_plane_set *on, const d
   ms_obstacles_touch(&p->planes, p->x);
   ms_obstacles_move_onto(&p->planes, on, p->x);
   keep_energy(k, on, before);
-  if (on->n == 1 && ms_vec3_dot(n, on->plane[0]->normal) < SHARP) {
+  if (on->n == 1 && ms_vec3_dot(n, on->plane[0]->normal) < MS_PATH_SHARP_COSINE) { /* of samples */
     ms_impacts_remove_normal(on, p->v, NULL);
     ms_impacts_remove_normal(on, p->w, NULL);
   } else if (on->n == 1) {
