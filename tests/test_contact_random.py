@@ -91,24 +91,32 @@ def solid(rng):
             "to": [rng.uniform(0.1, 0.6), rng.uniform(-0.3, 0.3), z + rng.uniform(-0.2, 0.2)]}
 
 
+def masses(rng, n):
+    return {"x": [[rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3), rng.uniform(0.35, 0.7)]
+                  for _ in range(n)],
+            "v": [vector(rng, 1) for _ in range(n)],
+            "mass": [10 ** rng.uniform(-1, 0.3) for _ in range(n)]}
+
+
+def add_springs(rng, n, fall):
+    """Between all masses"""
+    pairs = [[i, j] for i in range(n) for j in range(i + 1, n)]
+    if pairs:
+        fall["springs"] = {"ij": pairs, "k": [10 ** rng.uniform(1, 2.3) for _ in pairs],
+                           "damping": rng.choice([0, 0.05])}
+
+
 def solids(seed):
     """1 to 3 masses on springs over 1 or 2 solids, or in a bowl or a room, half of them with a
     plane."""
     rng = random.Random(seed * 104729 + 11)
     n = rng.choice([1, 1, 2, 3])
-    fall = {"gravity": [0, 0, -9.81],
-            "particles": {"x": [[rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3),
-                                 rng.uniform(0.35, 0.7)] for _ in range(n)],
-                          "v": [vector(rng, 1) for _ in range(n)],
-                          "mass": [10 ** rng.uniform(-1, 0.3) for _ in range(n)]},
+    fall = {"gravity": [0, 0, -9.81], "particles": masses(rng, n),
             "colliders": [solid(rng) for _ in range(rng.choice([1, 1, 2]))]}
     if rng.random() < 0.5:
         fall["planes"] = [plane(rng, rng.choice([0, rng.uniform(0, 0.7)]))]
         fall["planes"][0]["offset"] -= 0.4
-    pairs = [[i, j] for i in range(n) for j in range(i + 1, n)]
-    if pairs:
-        fall["springs"] = {"ij": pairs, "k": [10 ** rng.uniform(1, 2.3) for _ in pairs],
-                           "damping": rng.choice([0, 0.05])}
+    add_springs(rng, n, fall)
     return fall
 
 
@@ -134,31 +142,25 @@ def moving(seed):
             ends = [of["center"]] if "center" in of else [of["from"], of["to"]]
             of["motion"] = motion(rng, [sum(p) / len(p) for p in zip(*ends)])
         colliders.append(of)
-    fall = {"gravity": [0, 0, -9.81], "colliders": colliders,
-            "particles": {"x": [[rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3),
-                                 rng.uniform(0.35, 0.7)] for _ in range(n)],
-                          "v": [vector(rng, 1) for _ in range(n)],
-                          "mass": [10 ** rng.uniform(-1, 0.3) for _ in range(n)]}}
-    if n > 1:
-        fall["springs"] = {"ij": [[0, 1]], "k": [10 ** rng.uniform(1, 2.3)],
-                           "damping": rng.choice([0, 0.05])}
+    fall = {"gravity": [0, 0, -9.81], "colliders": colliders, "particles": masses(rng, n)}
+    add_springs(rng, n, fall)
     return fall
 
 
 def foot(angle, between_bars):
-    """2 masses on a spring slide along the foot of a wall that overhangs a floor with friction, or
-    between two round bars, and turn back many times. These touch, and do not press."""
+    """2 masses on a spring slide where a plane overhangs a floor with friction, or between two
+    round bars on it, and turn back many times. Plane and bars touch, and do not press."""
     cos, sin = math.cos(angle), math.sin(angle)
-    walls = {"planes": [{"normal": [0, 0, 1], "offset": 0, "friction": 0.1}]}
+    surfaces = {"planes": [{"normal": [0, 0, 1], "offset": 0, "friction": 0.1}]}
     if between_bars:
-        walls["colliders"] = [{"type": "cylinder", "radius": 0.2, "restitution": 0,
-                               "from": [x * cos + 2 * sin, x * sin - 2 * cos, 0.12],
-                               "to": [x * cos - 2 * sin, x * sin + 2 * cos, 0.12]}
-                              for x in (0.14, 0.46)]
+        surfaces["colliders"] = [{"type": "cylinder", "radius": 0.2, "restitution": 0,
+                                  "from": [x * cos + 2 * sin, x * sin - 2 * cos, 0.12],
+                                  "to": [x * cos - 2 * sin, x * sin + 2 * cos, 0.12]}
+                                 for x in (0.14, 0.46)]
     else:
-        walls["planes"].append({"normal": [-0.8 * cos, -0.8 * sin, -0.6], "offset": -0.24,
-                                "restitution": 0})
-    return {**walls, "gravity": [0, 0, -9.81],
+        surfaces["planes"].append({"normal": [-0.8 * cos, -0.8 * sin, -0.6], "offset": -0.24,
+                                   "restitution": 0})
+    return {**surfaces, "gravity": [0, 0, -9.81],
             "particles": {"x": [[0.3 * cos - y * sin, 0.3 * sin + y * cos, 0] for y in (0, 0.2)],
                           "v": [[-u * sin, u * cos, 0] for u in (-0.5, 0.8)],
                           "mass": [0.17, 1.8]},
@@ -210,10 +212,10 @@ class RandomContact(unittest.TestCase):
     def test_tol_is_kept_on_a_table_that_accelerates(self):
         """Sideways, or as it tilts: no force changes, only the acceleration of the surface."""
         support.setting("CLI")
-        for motion in ({"x": [[0, 0, -1], [0.5, 0, -1], [0, 0.5, -1]]},
-                       {"x": [[0, 0, -1]] * 3, "rotation": [[0, 0, 0], [0, 0.3, 0], [0, 0.3, 0]]}):
+        for moved in ({"x": [[0, 0, -1], [0.5, 0, -1], [0, 0.5, -1]]},
+                      {"x": [[0, 0, -1]] * 3, "rotation": [[0, 0, 0], [0, 0.3, 0], [0, 0.3, 0]]}):
             table = {"type": "box", "center": [0, 0, -1], "size": [20, 20, 2], "friction": 0.2,
-                     "motion": {"t": [0, 1, 2], "interpolation": "cubic", **motion}}
+                     "motion": {"t": [0, 1, 2], "interpolation": "cubic", **moved}}
             ride = {"gravity": [0, 0, -9.81], "colliders": [table],
                     "particles": {"x": [[0.5, 0, 0]], "v": [[0, 1, 0]], "mass": [1]}}
             with tempfile.TemporaryDirectory() as folder:
@@ -222,7 +224,7 @@ class RandomContact(unittest.TestCase):
                                          "h": 2.5e-5, "steps": 32000})
                 for method, tol in itertools.product(("dop853", "rk4"), (1e-4, 1e-6)):
                     end = runner.run(ride, {"integrator": method, "tol": tol, "t_end": 0.8})
-                    self.assertLessEqual(distance(end, fine), 2 * tol, (method, tol, motion))
+                    self.assertLessEqual(distance(end, fine), 2 * tol, (method, tol, moved))
 
     def test_tol_is_kept_along_a_foot(self):
         """However normals and the directions along it are rounded"""
