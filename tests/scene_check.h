@@ -61,6 +61,7 @@ static inline void assert_same_bits(const msim_scene *one, const msim_scene *oth
   assert_int_equal(a.nfaces, b.nfaces);
   if (a.nfaces) assert_memory_equal(a.faces, b.faces, 3 * (size_t)a.nfaces * sizeof *a.faces);
   if (a.nplanes) assert_memory_equal(a.planes, b.planes, (size_t)a.nplanes * sizeof *a.planes);
+  assert_int_equal(a.planes_constrain, b.planes_constrain);
   assert_int_equal(a.ncolliders, b.ncolliders);
   if (a.ncolliders)
     assert_memory_equal(a.colliders, b.colliders, (size_t)a.ncolliders * sizeof *a.colliders);

@@ -162,6 +162,7 @@ static const struct {
     {"collider_no_axis", "colliders[0].from and to are the same point"},
     {"collider_too_large",
      "colliders[0].from and to are so large that distances are beyond the range of double"},
+    {"planes_constrain_text", "planes_constrain is \"yes\"; it must be true or false"},
     {"collider_inside_number", "colliders[0].inside is 1; it must be true or false"},
     {"collider_bouncy", "colliders[0].restitution is 2; it must be a number in [0, 1]"},
     {"collider_friction_negative",

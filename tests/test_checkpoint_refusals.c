@@ -119,6 +119,12 @@ static void other_scenes_are_named(void **state) {
   msim_scene *lower = cloth();
   plane(lower, 0, 0, 1, -6, 0, 0);
   expect_refusal(lower, &opt, other, &opt, "planes[0] differs from that in the checkpoint");
+  msim_scene_destroy(other);
+  other = cloth();
+  plane(other, 0, 0, 1, -6, 0, 0);
+  assert_ok(msim_scene_set_planes_constrain(other, 1, err));
+  expect_refusal(lower, &opt, other, &opt, "planes_constrain is 0 here and 1 in the checkpoint");
+  expect_refusal(other, &opt, lower, &opt, "planes_constrain is 1 here and 0 in the checkpoint");
   msim_scene_destroy(lower), msim_scene_destroy(other), msim_scene_destroy(scene);
 }
 

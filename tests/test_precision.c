@@ -385,6 +385,11 @@ static void unsupported_options_are_refused(void **state) {
   opt = single_options(IMPLICIT, 1e-3);
   expect_refused(scene, &opt, "colliders");
   msim_scene_destroy(scene);
+  scene = scene_of(0);
+  plane(scene, 0, 0, 1, -9, 0, 0);
+  assert_ok(msim_scene_set_planes_constrain(scene, 1, err));
+  expect_refused(scene, &opt, "planes_constrain");
+  msim_scene_destroy(scene);
 }
 
 static void unsupported_scenes_are_refused(void **state) {

@@ -46,16 +46,16 @@ static void options_are_refused_on_all_ranks(void **state) {
   msim_scene_destroy(cloth);
 }
 
-/* Rank 1 has other springs, another collider, or another h. */
+/* Rank 1 has other springs, another collider, planes that constrain, or another h. */
 static const char *check_differences(msim_comm *comm, void *data) {
   const msim_scene *const *scenes = data;
   msim_sim *sim = NULL;
   msim_error why = {0};
-  for (int kind = 0; kind < 3; kind++) {
+  for (int kind = 0; kind < 4; kind++) {
     const int is_other = comm->rank == 1;
-    msim_options opt = options("velocity-verlet", kind == 2 && is_other ? 1e-3 : 1e-4);
+    msim_options opt = options("velocity-verlet", kind == 3 && is_other ? 1e-3 : 1e-4);
     opt.comm = comm;
-    EXPECT(msim_sim_create(scenes[is_other && kind < 2 ? kind + 1 : 0], &opt, &sim, &why) ==
+    EXPECT(msim_sim_create(scenes[is_other && kind < 3 ? kind + 1 : 0], &opt, &sim, &why) ==
            MSIM_ERR_ARG);
     EXPECT(!sim && strstr(why.text, "the 3 ranks have different scenes or options"));
   }
@@ -64,12 +64,15 @@ static const char *check_differences(msim_comm *comm, void *data) {
 
 static void different_scenes_are_refused(void **state) {
   (void)state;
-  msim_scene *scenes[3] = {hanging_cloth(9, 100, 0), hanging_cloth(9, 100.001, 0),
-                           hanging_cloth(9, 100, 0)};
-  for (int i = 0; i < 3; i++) add(scenes[i], sphere(0, 0, -1, i < 2 ? 0.5 : 0.51, 0, 0), 0);
+  msim_scene *scenes[4];
+  for (int i = 0; i < 4; i++) {
+    scenes[i] = hanging_cloth(9, i == 1 ? 100.001 : 100, 0);
+    add(scenes[i], sphere(0, 0, -1, i == 2 ? 0.51 : 0.5, 0, 0), 0);
+  }
+  assert_ok(msim_scene_set_planes_constrain(scenes[3], 1, err));
   const char *wrong = run_ranks(3, check_differences, scenes);
   if (wrong) fail_msg("%s", wrong);
-  for (int i = 0; i < 3; i++) msim_scene_destroy(scenes[i]);
+  for (int i = 0; i < 4; i++) msim_scene_destroy(scenes[i]);
 }
 
 static const char *check_functions(msim_comm *comm, void *data) {

@@ -254,13 +254,26 @@ static msim_status change_lattice(msim_scene *s, msim_error *err) {
   return msim_scene_add_lattice(s, &lattice, err);
 }
 
+static msim_status change_planes_constrain(msim_scene *s, msim_error *err) {
+  return msim_scene_set_planes_constrain(s, 1, err);
+}
+
 static msim_status change_run(msim_scene *s, msim_error *err) {
   return ms_scene_add_run_option(s, "solver", "pcg", err);
 }
 
-static msim_status (*const changes[])(msim_scene *, msim_error *) = {
-    change_name, change_gravity, change_drag,  change_particles, change_springs, change_planes,
-    change_pins, change_rope,    change_cloth, change_lattice,   change_run};
+static msim_status (*const changes[])(msim_scene *, msim_error *) = {change_name,
+                                                                     change_gravity,
+                                                                     change_drag,
+                                                                     change_particles,
+                                                                     change_springs,
+                                                                     change_planes,
+                                                                     change_pins,
+                                                                     change_rope,
+                                                                     change_cloth,
+                                                                     change_lattice,
+                                                                     change_planes_constrain,
+                                                                     change_run};
 enum { NCHANGES = sizeof changes / sizeof *changes };
 
 /* The text of the sample after the change. */

@@ -123,7 +123,8 @@ static void scenes_come_back_to_the_bit(void **state) {
 static void colliders_come_back_to_the_bit(void **state) {
   (void)state;
   static const char text[] =
-      "{\"msim\": 1, \"particles\": {\"x\": [[0,0,2]], \"mass\": 1}, \"colliders\": ["
+      "{\"msim\": 1, \"particles\": {\"x\": [[0,0,2]], \"mass\": 1}, \"planes_constrain\": true,"
+      "\"colliders\": ["
       "{\"type\": \"sphere\", \"center\": [0.1,2,3], \"radius\": 0.3, \"inside\": true},"
       "{\"type\": \"capsule\", \"from\": [1,2,3], \"to\": [4,5,6], \"radius\": 0.3},"
       "{\"type\": \"cylinder\", \"from\": [1,2,3], \"to\": [4,5,6], \"radius\": 0.3,"

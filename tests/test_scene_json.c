@@ -27,7 +27,7 @@ static const char full[] =
     "[0]},"
     " \"springs\": {\"ij\": [[1, 0], [0, 5]], \"k\": [0, 7], \"rest\": [0, 0.1], \"damping\": 2},"
     " \"planes\": [{\"normal\": [0, 0, 2], \"offset\": 1}, {\"normal\": [1, 2, 3],"
-    "   \"offset\": -0.7, \"restitution\": 0.3, \"friction\": 0.4}],"
+    "   \"offset\": -0.7, \"restitution\": 0.3, \"friction\": 0.4}], \"planes_constrain\": true,"
     " \"objects\": [{\"type\": \"rope\", \"n\": 3, \"from\": [0, 0, 0], \"to\": [0, 0, 1],"
     "   \"mass\": 1, \"k\": 5, \"damping\": 0.1, \"pinned\": [2]}],"
     " \"run\": {\"integrator\": \"heun\", \"h\": 0.1, \"steps\": 12345678901234, \"t_end\": 1e-7,"
@@ -73,6 +73,7 @@ static void a_full_file_is_read(void **state) {
   assert_true(view.planes[0].normal[2] == 1 && view.planes[0].offset == 0.5);
   assert_close(view.planes[1].offset, -0.7 / sqrt(14), 1e-16);
   assert_true(view.planes[1].restitution == 0.3 && view.planes[1].friction == 0.4);
+  assert_int_equal(view.planes_constrain, 1);
   msim_scene_destroy(scene);
 }
 
@@ -192,6 +193,7 @@ static void assert_same(const msim_scene *a, const msim_scene *b) {
   assert_memory_equal(u.k, v.k, m);
   assert_memory_equal(u.rest, v.rest, m);
   assert_memory_equal(u.damping, v.damping, m);
+  assert_int_equal(u.planes_constrain, v.planes_constrain);
   assert_memory_equal(u.planes, v.planes, (size_t)u.nplanes * sizeof *u.planes);
   assert_int_equal(a->data->nrun, b->data->nrun);
   for (int32_t i = 0; i < a->data->nrun; i++) {

@@ -24,7 +24,9 @@ extern "C" {
  * Inside is where the winding number is not 0. The springs of the lattice are those of
  * msim_lattice. Each vertex is tied to the points within 1.5 spacings and to at least the 4 nearest
  * ones, more if these hold it in fewer than three directions: points of its own part of the
- * surface, if there are any. */
+ * surface, if there are any.
+ *
+ * Planes then constrain implicit steps (msim_scene_set_planes_constrain). */
 typedef struct msim_mesh {
   size_t size;
   /* A file of vertices and faces, read by the importer of its extension: .obj, .stl, .ply, .gltf

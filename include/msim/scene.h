@@ -308,6 +308,7 @@ typedef struct msim_scene_view {
   const int32_t *ijk;                                 /* 3 nangles */
   const double *angle_k, *angle_rest, *angle_damping; /* nangles: N m/rad^2, rad, N m s/rad */
   double self_thickness, self_friction;               /* m: of self-contact; 0: there is none */
+  int32_t planes_constrain; /* 1 or 0, see msim_scene_set_planes_constrain */
 } msim_scene_view;
 
 /* Create an empty scene. Nullable: alloc (then malloc and free are used). */
@@ -433,6 +434,13 @@ MSIM_API msim_status msim_scene_set_self_contact(msim_scene *scene, double thick
 
 MSIM_API msim_status msim_scene_add_plane(msim_scene *scene, const msim_plane *plane,
                                           msim_error *err);
+
+/* With constrain != 0 implicit methods with steps above the vibrations of springs (h omega > 2)
+ * hold particles at planes inside their matrix, as at colliders, also with collision = reflect;
+ * else particles are mirrored one by one, which adds energy to stiff bodies. [0; 1 from
+ * msim_scene_add_mesh on] */
+MSIM_API msim_status msim_scene_set_planes_constrain(msim_scene *scene, int32_t constrain,
+                                                     msim_error *err);
 
 /* MSIM_ERR_ARG if a member is out of its range. */
 MSIM_API msim_status msim_scene_add_collider(msim_scene *scene, const msim_collider *collider,

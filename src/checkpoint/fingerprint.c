@@ -113,6 +113,8 @@ static void list_count(ms_fingerprint_visitor *mark, void *data, const char *nam
   list_numbers(mark, data, name, 1, &(double){count});
 }
 
+static const char PLANES_CONSTRAIN[] = "planes_constrain";
+
 static void list_planes(const ms_scene *s, ms_fingerprint_visitor *mark, void *data) {
   for (int32_t i = 0; i < s->nplanes; i++) {
     const msim_plane *p = &s->planes[i];
@@ -122,6 +124,7 @@ static void list_planes(const ms_scene *s, ms_fingerprint_visitor *mark, void *d
     snprintf(name, sizeof name, "planes[%d]", i);
     list_hash(mark, data, name, ms_archive_hash(0, numbers, sizeof numbers));
   }
+  list_count(mark, data, PLANES_CONSTRAIN, s->nplanes && s->planes_constrain);
 }
 
 /* Laws by kind and numbers. Of a callback only the struct's numbers can be compared: the caller
@@ -243,6 +246,7 @@ static void list_scene(const msim_sim *sim, ms_fingerprint_visitor *mark, void *
 static const char *implied_value(const char *name) {
   if (strcmp(name, FUNCTION) == 0) return "";
   if (strcmp(name, SELF_CONTACT) == 0) return "0 0";
+  if (strcmp(name, PLANES_CONSTRAIN) == 0) return "0";
   if (strcmp(name, "precision") == 0) return "double";
   return strcmp(name, "incomplete") == 0 ? "stop" : NULL;
 }

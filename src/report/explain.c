@@ -252,6 +252,11 @@ static void explain_collisions(const msim_sim *sim, ms_text *out) {
     ms_text_append(
         out,
         "collisions    event: impacts are located inside the step, and resting contact is exact\n");
+  else if (sim->config.integrator->entry.implicit &&
+           ms_scene_constrains(sim->scene, MSIM_COLLISION_REFLECT))
+    ms_text_append(out,
+                   "collisions    reflect: the matrix holds particles in contact if h omega > 2, "
+                   "else they are reflected at the end of a step\n");
   else
     ms_text_append(out,
                    "collisions    reflect: particles are reflected at the end of a step, of order "

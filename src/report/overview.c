@@ -48,9 +48,8 @@ static void advise_explicit(const msim_sim *sim, ms_text *out) {
 /* Fixed steps of a method without a limit of stability, or in a scene without one */
 static void advise_fixed(const msim_sim *sim, ms_text *out) {
   const int implicit = sim->config.integrator->entry.implicit;
-  const int reflects = sim->config.opt.collision == MSIM_COLLISION_REFLECT;
-  if (implicit && reflects && sim->scene->nplanes > 0 &&
-      sim->scene->ncolliders + sim->scene->nmotions == 0)
+  if (implicit && sim->scene->nplanes > 0 && sim->scene->nmotions == 0 &&
+      !ms_scene_constrains(sim->scene, sim->config.opt.collision))
     ms_text_append(out,
                    "use collision = event: particles that are mirrored behind a plane may gain "
                    "energy\n");

@@ -142,6 +142,11 @@ static void export_planes(export_state *e) {
     append_node(e, MSIM_NODE_REAL, 0, &p->restitution, "planes/%d/restitution", i);
     append_node(e, MSIM_NODE_REAL, 0, &p->friction, "planes/%d/friction", i);
   }
+  if (!e->scene->planes_constrain) return;
+  node_storage *own = &e->entries[e->n];
+  own->whole = 1;
+  append_node(e, MSIM_NODE_WHOLE, 0, &own->whole, "%s",
+              ms_section_keys[MS_KEY_PLANES_CONSTRAIN].key);
 }
 
 static void export_samples(export_state *e, int32_t i) {
@@ -232,7 +237,7 @@ static void export_run(export_state *e) {
 
 static int allocate_nodes(export_state *e) {
   const ms_scene *s = e->scene;
-  const size_t most = 23 + 4 * ((size_t)s->nplanes + (size_t)s->nmotions) + 6 * (size_t)s->nlaws +
+  const size_t most = 24 + 4 * ((size_t)s->nplanes + (size_t)s->nmotions) + 6 * (size_t)s->nlaws +
                       (8 + MS_COLLIDER_MEMBERS) * (size_t)s->ncolliders + (size_t)s->nrun;
   return MS_NEW(&s->alloc, e->nodes, most) && MS_NEW(&s->alloc, e->entries, most) &&
          MS_NEW(&s->alloc, e->pinned, s->nparticles) &&

@@ -189,6 +189,14 @@ msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms
   return ms_json_refuse_number(r, at, value, ms_range_text(range));
 }
 
+msim_status ms_json_read_flag(const ms_json_reader *r, ms_json_location at, ms_value value,
+                              int32_t *flag) {
+  const int imported = value.columns && ms_value_is_whole(value);
+  *flag = imported ? ms_value_whole(value) != 0 : json_is_true(value.json);
+  if (imported ? (ms_value_whole(value) | 1) == 1 : json_is_boolean(value.json)) return MSIM_OK;
+  return ms_json_refuse(r, at, value, value.columns ? "0 or 1" : "true or false");
+}
+
 static msim_status refuse_length(const ms_json_reader *r, ms_json_location at, ms_value value,
                                  const char *before, int32_t n, const char *items) {
   char must[128];

@@ -70,6 +70,9 @@ msim_status ms_json_read_array_size(const ms_json_reader *r, const char *key, ms
 
 msim_status ms_json_read_number(const ms_json_reader *r, ms_json_location at, ms_value value,
                                 ms_range range, double *number);
+/* true or false; files of importers, which have no booleans, have 1 or 0. */
+msim_status ms_json_read_flag(const ms_json_reader *r, ms_json_location at, ms_value value,
+                              int32_t *flag);
 /* An array of exactly n numbers. */
 msim_status ms_json_read_row(const ms_json_reader *r, ms_json_location at, ms_value value,
                              ms_range range, int32_t n, double *numbers);

@@ -361,8 +361,10 @@ msim_status ms_objects_add_springs(msim_scene *scene, const ms_shape *shape, msi
   status = ms_scene_end_springs(s, count, 0, err);
   if (!status && shape->law) status = set_law(scene, shape, err);
   if (!status) status = add_angles(scene, shape, err);
-  if (!status && shape->mesh) ms_mesh_add_repairs(shape->mesh, &scene->data->repairs);
-  return status;
+  if (status || !shape->mesh) return status;
+  ms_mesh_add_repairs(shape->mesh, &scene->data->repairs);
+  scene->data->planes_constrain = 1;
+  return MSIM_OK;
 }
 
 /*------------------------------------- public ---------------------------------------------------*/

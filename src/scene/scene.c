@@ -199,6 +199,14 @@ msim_status msim_scene_set_self_contact(msim_scene *scene, double thickness, dou
   return ms_error_clear(err);
 }
 
+msim_status msim_scene_set_planes_constrain(msim_scene *scene, int32_t constrain, msim_error *err) {
+  if (!scene) return ms_error_set(err, MSIM_ERR_ARG, "scene is NULL");
+  ms_scene *s = ms_scene_make_writable(scene, err);
+  if (!s) return MSIM_ERR_MEMORY;
+  s->planes_constrain = constrain != 0;
+  return ms_error_clear(err);
+}
+
 static msim_status set_drag(msim_scene *scene, const double *drag, msim_error *err) {
   return msim_scene_set_drag(scene, *drag, err);
 }
@@ -398,6 +406,7 @@ msim_status msim_scene_get(const msim_scene *scene, msim_scene_view *view) {
       .gravity = {s->external.gravity[0], s->external.gravity[1], s->external.gravity[2]},
       .drag = s->external.drag,
       .self_thickness = s->self_contact.thickness,
-      .self_friction = s->self_contact.friction};
+      .self_friction = s->self_contact.friction,
+      .planes_constrain = s->planes_constrain};
   return ms_sized_write(view, &full, sizeof full);
 }

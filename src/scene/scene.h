@@ -71,6 +71,7 @@ typedef struct ms_scene {
 
   int32_t nplanes, plane_capacity;
   msim_plane *planes;
+  int planes_constrain; /* 1: in implicit methods they are treated as colliders are */
 
   int32_t ncolliders, collider_capacity;
   msim_collider *colliders;
@@ -157,7 +158,8 @@ static inline int ms_scene_has_self_contact(const ms_scene *s) {
 
 /* 1: implicit methods may constrain particles in contact by their matrix. */
 static inline int ms_scene_constrains(const ms_scene *s, int32_t collision) {
-  const int holds = collision == MSIM_COLLISION_EVENT || ms_scene_has_self_contact(s);
+  const int holds =
+      collision == MSIM_COLLISION_EVENT || ms_scene_has_self_contact(s) || s->planes_constrain;
   return holds ? ms_scene_has_obstacles(s) : s->ncolliders > 0;
 }
 

@@ -96,6 +96,7 @@ ms_scene *ms_scene_data_create_like(const ms_scene *s, int32_t nparticles, int32
                                     int32_t nfaces, msim_error *err) {
   ms_scene *c = create_named(&s->alloc, s->name);
   if (c) c->external = s->external, c->self_contact = s->self_contact, c->repairs = s->repairs;
+  if (c) c->planes_constrain = s->planes_constrain;
   if (c && (!s->force || MS_NEW(&c->alloc, c->force, 0)) &&
       make_room(c, nparticles, nsprings, nfaces) && copy_planes(s, c) &&
       ms_scene_reserve_colliders(c, s->ncolliders, NULL) &&

@@ -200,6 +200,10 @@ static msim_status read_planes(ms_json_reader *r, const char *path, ms_value pla
   return status;
 }
 
+static msim_status read_planes_constrain(ms_json_reader *r, const char *path, ms_value value) {
+  return ms_json_read_flag(r, ms_json_at(path), value, &r->scene->data->planes_constrain);
+}
+
 static msim_status read_self_contact(ms_json_reader *r, const char *path, ms_value section) {
   double thickness = 0, friction = 0;
   const ms_scene_key *keys = ms_self_contact_keys;
@@ -276,19 +280,14 @@ static msim_status read_run(ms_json_reader *r, const char *path, ms_value run) {
 
 /* Of the sections, in their order */
 static msim_status (*const readers[MS_SECTIONS])(ms_json_reader *r, const char *path,
-                                                 ms_value value) = {read_version,
-                                                                    read_name,
-                                                                    read_particles,
-                                                                    ms_json_read_laws,
-                                                                    ms_json_add_objects,
-                                                                    read_springs,
-                                                                    ms_json_read_angles,
-                                                                    read_faces,
-                                                                    read_planes,
-                                                                    ms_json_add_colliders,
-                                                                    ms_json_read_motions,
-                                                                    read_self_contact,
-                                                                    read_run};
+                                                 ms_value value) = {
+    read_version,          read_name,
+    read_particles,        ms_json_read_laws,
+    ms_json_add_objects,   read_springs,
+    ms_json_read_angles,   read_faces,
+    read_planes,           read_planes_constrain,
+    ms_json_add_colliders, ms_json_read_motions,
+    read_self_contact,     read_run};
 
 static msim_status read_root(ms_json_reader *r, ms_value root) {
   const ms_scene_key *sections = ms_section_keys;

@@ -50,18 +50,6 @@ static msim_status check_keys(const ms_json_reader *r, const char *path, ms_valu
   return ms_json_check_keys(r, path, object, keys);
 }
 
-/* Files of importers have no booleans, but 0 and 1. */
-static msim_status read_inside(const ms_json_reader *r, const char *path, ms_value object,
-                               int32_t *inside) {
-  const ms_value value = ms_value_member(object, ms_collider_inside_key.key);
-  if (!value.json) return MSIM_OK;
-  const int imported = value.columns && ms_value_is_whole(value);
-  const ms_key_path at = ms_json_member_path(path, ms_collider_inside_key.key);
-  *inside = imported ? (int32_t)(ms_value_whole(value) != 0) : json_is_true(value.json);
-  if (imported ? (ms_value_whole(value) | 1) == 1 : json_is_boolean(value.json)) return MSIM_OK;
-  return ms_json_refuse(r, ms_json_at(at.text), value, value.columns ? "0 or 1" : "true or false");
-}
-
 /* Samples, if the type has any; the caller frees *values. */
 static msim_status read_samples(const ms_json_reader *r, const char *path, ms_value object,
                                 msim_collider *c, double **values) {
@@ -96,7 +84,11 @@ static msim_status read_collider(const ms_json_reader *r, const char *path, ms_v
       status = ms_json_read_numbers(r, path, value, &m->key, numbers);
   }
   double *values = NULL;
-  if (!status) status = read_inside(r, path, value, &c.inside);
+  const ms_value inside = ms_value_member(value, ms_collider_inside_key.key);
+  if (!status && inside.json)
+    status =
+        ms_json_read_flag(r, ms_json_at(ms_json_member_path(path, ms_collider_inside_key.key).text),
+                          inside, &c.inside);
   if (!status) status = read_samples(r, path, value, &c, &values);
   if (!status)
     status = ms_json_forward_error(r, ms_json_member_path(path, "").text,

@@ -60,6 +60,10 @@ const ms_scene_key ms_section_keys[MS_SECTIONS] = {
     {"planes", MS_LIST, MS_ANY, 1, "[]", "",
      "half spaces normal . x >= offset, inside which all particles stay",
      "[{\"normal\": [0, 0, 1], \"offset\": 0}]"},
+    {"planes_constrain", MS_FLAG, MS_ANY, 1, "", "",
+     "whether implicit methods with long steps hold particles at planes by their matrix, as at "
+     "colliders, also with collision = reflect; default: whether an object is a mesh",
+     "true"},
     {"colliders", MS_LIST, MS_ANY, 1, "[]", "",
      "solids outside which, or inside which, all particles stay",
      "[{\"type\": \"sphere\", \"center\": [0, 0, 1], \"radius\": 0.5}]"},

@@ -304,6 +304,7 @@ static msim_status write_json_scene(ms_text *text, const ms_scene *s, msim_error
   write_json_angles(text, s);
   write_json_faces(text, s);
   write_json_planes(text, s);
+  if (s->planes_constrain) ms_text_append(text, ",\n  \"planes_constrain\": true");
   write_json_colliders(text, s);
   write_json_motions(text, s);
   write_json_self_contact(text, s);

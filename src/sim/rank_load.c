@@ -72,7 +72,7 @@ static int is_as_loaded(const ms_scene *s, const ms_scene *rows) {
          s->nplanes == rows->nplanes && s->ncolliders == rows->ncolliders &&
          s->self_contact.thickness == rows->self_contact.thickness &&
          strcmp(s->name, rows->name) == 0 &&
-         ms_rank_sim_hash_motions(0, s) == ms_rank_sim_hash_motions(0, rows);
+         ms_rank_sim_hash_obstacles(0, s) == ms_rank_sim_hash_obstacles(0, rows);
 }
 
 /* Methods for forces of positions only refuse the first spring that is damped. */

@@ -93,7 +93,8 @@ static uint64_t hash_motion(uint64_t hash, const ms_motion *m) {
   return ms_archive_hash(hash, m->x, 3 * nt * n * sizeof *m->x);
 }
 
-uint64_t ms_rank_sim_hash_motions(uint64_t hash, const ms_scene *s) {
+uint64_t ms_rank_sim_hash_obstacles(uint64_t hash, const ms_scene *s) {
+  hash = ms_archive_hash(hash, &s->planes_constrain, sizeof s->planes_constrain);
   for (int32_t i = 0; i < s->nmotions; i++) hash = hash_motion(hash, &s->motions[i]);
   for (int32_t i = 0; i < s->ncolliders; i++) {
     hash = ms_colliders_hash(&s->colliders[i], hash);
@@ -153,7 +154,7 @@ static uint64_t hash_sim(const msim_sim *sim) {
   uint64_t hash = 0;
   for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
     hash = ms_archive_hash(hash, parts[i].data, parts[i].bytes);
-  return ms_rank_sim_hash_motions(hash, s);
+  return ms_rank_sim_hash_obstacles(hash, s);
 }
 
 msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err) {

@@ -12,8 +12,8 @@ msim_status ms_rank_sim_join(const msim_comm *comm, const msim_allocator *alloc,
 /* Refuse options and scenes that ranks do not support; solver = auto becomes pcg. */
 msim_status ms_rank_sim_check(msim_sim *sim, msim_error *err);
 
-/* Of motions, also of colliders, and of these */
-uint64_t ms_rank_sim_hash_motions(uint64_t hash, const ms_scene *scene);
+/* Of motions, of colliders with theirs, and of whether planes constrain */
+uint64_t ms_rank_sim_hash_obstacles(uint64_t hash, const ms_scene *scene);
 
 /* Refuse scenes or options that differ between ranks; collective. */
 msim_status ms_rank_sim_compare(const msim_sim *sim, msim_error *err);

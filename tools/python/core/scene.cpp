@@ -333,6 +333,11 @@ static void set_self_contact(Scene &s, double thickness, double friction) {
   check(msim_scene_set_self_contact(s.p, thickness, friction, &err), err);
 }
 
+static void set_planes_constrain(Scene &s, bool constrain) {
+  msim_error err;
+  check(msim_scene_set_planes_constrain(s.p, constrain, &err), err);
+}
+
 static void set_forces(Scene &s, Doubles force) {
   msim_error err;
   check(msim_scene_set_forces(s.p, force.data(), &err), err);
@@ -390,6 +395,8 @@ void bind_scene(nb::module_ &m) {
              return nb::make_tuple(view.self_thickness, view.self_friction);
            })
       .def("set_self_contact", set_self_contact)
+      .def("planes_constrain", [](const Scene &s) { return get(s).planes_constrain != 0; })
+      .def("set_planes_constrain", set_planes_constrain)
       .def("set_forces", set_forces)
       .def("add_motion", add_motion)
       .def("set_collider_motion", set_collider_motion, nb::arg(), nb::arg(), nb::arg(),

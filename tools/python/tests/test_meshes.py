@@ -455,6 +455,19 @@ def test_a_mesh_is_no_scene(tmp_path):
         scene.save(tmp_path / "saved.obj")
 
 
+def test_planes_constrain(tmp_path):
+    scene = msim.Scene()
+    assert scene.planes_constrain is False
+    scene.add_mesh(vertices=CUBE, faces=TRIANGLES, mass=1, k=1)
+    assert scene.planes_constrain is True
+    scene.save(tmp_path / "a.json")
+    assert msim.Scene.load(tmp_path / "a.json").planes_constrain is True
+    scene.planes_constrain = False
+    assert scene.planes_constrain is False
+    with pytest.raises((TypeError, ValueError), match="planes_constrain"):
+        scene.planes_constrain = "yes"
+
+
 def test_arguments():
     scene = msim.Scene()
     for keys, words in (({}, "or a file"), ({"vertices": CUBE}, "or a file"),

@@ -329,6 +329,16 @@ class Scene(Obstacles):
         self._core.set_drag(_arrays.number("drag", value))
 
     @property
+    def planes_constrain(self) -> bool:
+        """Whether implicit methods with long steps hold particles at planes by their matrix, as at
+        colliders, also with collision="reflect"; meshes set it."""
+        return self._core.planes_constrain()
+
+    @planes_constrain.setter
+    def planes_constrain(self, value: bool) -> None:
+        self._core.set_planes_constrain(_arrays.flag("planes_constrain", value))
+
+    @property
     def self_contact(self) -> tuple[float, float]:
         """Thickness (m) and friction of self-contact; (0, 0): there is none."""
         return self._core.self_contact()
