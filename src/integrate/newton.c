@@ -33,7 +33,7 @@ typedef struct newton {
   double eta;                         /* relative residual of the last linear solve */
   double radius;                      /* trust radius: the largest length of d */
   double length, predicted_reduction; /* of d: its length, and the predicted reduction of E */
-  int is_truncated;                   /* d was truncated at the radius */
+  int is_truncated, is_clamped;       /* d was truncated at the radius; its matrix was clamped */
   search search;                      /* of this d; between iterations, that to try next */
   dampers dampers;                    /* in this stage */
   int is_stuck; /* REDUCE_RESIDUAL did not reduce the residual, or by less than a tenth */
@@ -151,8 +151,8 @@ static msim_status find_direction(newton *n, int clamp, msim_error *err) {
   ms_stepper_add_constraints(n->s, &spec);
   ms_stepper_linearize(n->s, n->stage->x, n->stage->v);
   const int descends = ms_solver_can_descend(solver);
-  const int whole = n->search != REDUCE_POTENTIAL || (!clamp && (may_use_full(n) || !descends));
-  n->search = LIMIT_ROTATION;
+  const int whole = n->search != REDUCE_POTENTIAL || (!clamp && !descends);
+  n->search = LIMIT_ROTATION, n->is_clamped = clamp;
   if (may_solve_exactly(n) && !solve_exact_full(n, &spec, err)) return MSIM_OK;
   spec.clamp = clamp, spec.use_elimination = 0, spec.rtol = n->eta;
   n->search = REDUCE_RESIDUAL;
@@ -324,15 +324,15 @@ static double limit_rotation(newton *n, int full) {
   return lambda;
 }
 
-/* The symmetric matrix makes faster and more robust iterations, unless one with lambda = 1 leaves
- * more than MUCH of the residual. The full one then stays in use while the residual falls. */
+/* The symmetric matrix makes faster and more robust iterations, unless one with lambda = 1, or of a
+ * matrix that is not clamped, leaves more than MUCH of the residual: then the full one is used as
+ * long as the residual falls. A solve with that takes several times as long. */
 static search find_next_search(newton *n, double before, double lambda) {
-  const double MUCH = 0.3;
+  const double MUCH = 0.6;
+  const int is_slow = (lambda == 1 || !n->is_clamped) && n->residual > MUCH * before;
   if (n->is_stuck) n->failures++, n->failed = n->residual;
   if (n->search != REDUCE_POTENTIAL) return n->is_stuck ? REDUCE_POTENTIAL : REDUCE_RESIDUAL;
-  const int is_slow =
-      may_use_full(n) && !n->is_truncated && lambda == 1 && n->residual > MUCH * before;
-  return is_slow ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
+  return is_slow && may_use_full(n) && !n->is_truncated ? REDUCE_RESIDUAL : REDUCE_POTENTIAL;
 }
 
 /* The bound on the estimated error after the last correction; errors of many steps add up. */
@@ -445,7 +445,7 @@ static void choose_initial_guess(newton *n) {
   const double FAR = 0.1;
   const ms_newton_stage *g = n->stage;
   evaluate_residual(n);
-  if (has_strong_dampers(n, 0.1)) n->dampers = has_strong_dampers(n, 0.3) ? DOMINANT : STRONG;
+  if (has_strong_dampers(n, 0.1)) n->dampers = has_strong_dampers(n, 1) ? DOMINANT : STRONG;
   if (!n->dampers) return;
   const double usual = n->residual;
   ms_vector_copy(n->shape, g->v, n->from);

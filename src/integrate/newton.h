@@ -12,11 +12,10 @@
  *   E(v) = |v - w|_M^2/2 + U(x0 + ah v),
  * whose change is summed spring by spring (physics/nonlinearity.h), or, where damping or contacts
  * leave no potential, until its slope at the end is no steep ascent (Matthies and Strang 1979).
- * With strong dampers, or without descend(), the exact matrix is the full one, with the
- * non-symmetric damping term (physics/damping_derivative.h); strong dampers need it, too, after a
- * full iteration that leaves more than 0.3 of the residual. The line search then reduces the
- * residual. The tolerance of each solve follows the drop of the residual (Eisenstat and Walker
- * 1996).
+ * Without descend() the exact matrix is the full one, with the non-symmetric damping term
+ * (physics/damping_derivative.h); with it, strong dampers need the full one after an iteration that
+ * leaves more than 0.6 of the residual. The line search then reduces the residual. The tolerance of
+ * each solve follows the drop of the residual (Eisenstat and Walker 1996).
  *
  * Where dampers, more than springs, keep the lengths of springs, each d is that of the exact full
  * matrix, and lambda is limited only so that the ends of no spring move by more than a quarter of
