@@ -3,11 +3,11 @@
 #include <float.h>
 #include <math.h>
 
+#include "integrate/damper_strength.h"
 #include "linear/jacobi.h"
-#include "physics/nonlinearity.h"
 #include "physics/external_force.h"
+#include "physics/nonlinearity.h"
 #include "physics/rank_model.h"
-#include "scene/laws.h"
 #include "scene/options.h"
 
 /* The matrix of d, and the line search */
@@ -17,17 +17,14 @@ typedef enum search {
   LIMIT_ROTATION    /* the same, not clamped: no spring turns much */
 } search;
 
-/* The non-symmetric damping term is small, or may matter, or outweighs the stiffness of springs, so
- * that dampers keep their lengths. */
-typedef enum dampers { WEAK, STRONG, DOMINANT } dampers;
-
 /* b = R, and rho = M^-1 R, the residual in units of velocity. Norms are those of M. The trust
  * radius and the length of d, for solvers without descend(), are in the norm of the matrix. */
 typedef struct newton {
   ms_stepper *s;
   const ms_newton_stage *stage;
   ms_shape shape;
-  int linear; /* the matrix is constant */
+  int32_t count; /* iterations made */
+  int linear;    /* the matrix is constant */
   double *rho, *b, *d, *from;
   double residual, failed;            /* ||rho||; after the last of `failures` */
   double eta;                         /* relative residual of the last linear solve */
@@ -35,7 +32,7 @@ typedef struct newton {
   double length, predicted_reduction; /* of d: its length, and the predicted reduction of E */
   int is_truncated, is_clamped;       /* d was truncated at the radius; its matrix was clamped */
   search search;                      /* of this d; between iterations, that to try next */
-  dampers dampers;                    /* in this stage */
+  ms_damper_strength dampers;         /* in this stage */
   int is_stuck; /* REDUCE_RESIDUAL did not reduce the residual, or by less than a tenth */
   int failures; /* solves and searches with the full matrix that failed */
   double moved; /* ||lambda d|| of the last iteration */
@@ -136,9 +133,14 @@ static int may_use_full(const newton *n) {
   return n->dampers && (n->failures < 3 || n->residual < 0.1 * n->failed);
 }
 
+/* 1: the exact full matrix is next. BiCGStab takes up to 10 times as long as conjugate gradients,
+ * so that these try to find the solution first. */
 static int may_solve_exactly(const newton *n) {
-  return n->dampers == DOMINANT && may_use_full(n) &&
-         ms_solver_supports_damping_derivative(n->s->solver) &&
+  enum { PATIENCE = 15 };
+  const ms_solver *solver = n->s->solver;
+  const int is_direct = solver->elimination.a || solver->linear->unsymmetric;
+  return n->dampers == MS_DAMPERS_DOMINANT && may_use_full(n) &&
+         (is_direct || n->count >= PATIENCE) && ms_solver_supports_damping_derivative(solver) &&
          n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
 }
 
@@ -418,34 +420,13 @@ static msim_status end_incomplete(newton *n, msim_error *err) {
   return MSIM_OK;
 }
 
-/* 1: a damper c of any rank exceeds share ah k, k the stiffness of its spring, and ah c exceeds the
- * mass of a free end. From share = 0.1 on its non-symmetric term is more than a small part of the
- * matrix. */
-static int has_strong_dampers(const newton *n, double share) {
-  const double ah = n->stage->ah;
-  const ms_model *model = n->s->model;
-  const ms_springs *s = &model->springs;
-  double found = 0;
-  if (!(model->features & MS_HAS_DAMPING)) return 0;
-  for (int32_t e = 0; e < s->n && found == 0; e++) {
-    double mass = INFINITY;
-    if (s->i[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->i[e]]);
-    if (s->j[e] < model->unknowns.nfree) mass = fmin(mass, model->mass[s->j[e]]);
-    const double c = ms_scene_damping(model->scene, ms_springs_number(s, e));
-    found =
-        c > share * ah * ms_scene_stiffness(model->scene, ms_springs_number(s, e)) && ah * c > mass;
-  }
-  ms_ranks_maximum(n->shape.ranks, 1, &found);
-  return found > 0;
-}
-
 /* Starts from the guess in v, or, as strong dampers stop motion within a step, from the v that does
  * not change x, (x - x0)/ah, but for particles in contact, if the residual is far smaller there. */
 static void choose_initial_guess(newton *n) {
   const double FAR = 0.1;
   const ms_newton_stage *g = n->stage;
   evaluate_residual(n);
-  if (has_strong_dampers(n, 0.1)) n->dampers = has_strong_dampers(n, 1) ? DOMINANT : STRONG;
+  n->dampers = ms_damper_strength_find(n->s->model, g->ah);
   if (!n->dampers) return;
   const double usual = n->residual;
   ms_vector_copy(n->shape, g->v, n->from);
@@ -474,7 +455,7 @@ msim_status ms_newton_solve(ms_stepper *s, const ms_newton_stage *stage, msim_er
   choose_initial_guess(&n);
   const double first = n.residual;
   double before = 0;
-  for (int32_t i = 0; i < s->opt->newton_max_iterations; i++) {
+  for (; n.count < s->opt->newton_max_iterations; n.count++) {
     if (n.residual == 0) return MSIM_OK;
     n.eta = forcing_tolerance(&n, before);
     msim_status status = find_direction(&n, must_clamp(&n, first), err);

@@ -17,10 +17,11 @@
  * leaves more than 0.6 of the residual. The line search then reduces the residual. The tolerance of
  * each solve follows the drop of the residual (Eisenstat and Walker 1996).
  *
- * Where dampers, more than springs, keep the lengths of springs, each d is that of the exact full
- * matrix, and lambda is limited only so that the ends of no spring move by more than a quarter of
- * its length, even if the residual rises: a plate that turns by 80 degrees in a step takes 34
- * iterations so, and more than 1000 if each must reduce the residual.
+ * Where dampers, more than springs, keep the lengths of springs (integrate/damper_strength.h), each
+ * d is that of the exact full matrix, where BiCGStab solves for it from the 16th iteration on, and
+ * lambda is limited only so that the ends of no spring move by more than a quarter of its length,
+ * even if the residual rises: a plate that turns by 80 degrees in a step takes 34 iterations so,
+ * and more than 1000 if each must reduce the residual.
  *
  * Cloth that buckles has many solutions v, the minima of E, of nearly the same energy. Which one is
  * found depends on rounding and tolerances; newton.rtol is the error with respect to that one. */

@@ -308,8 +308,8 @@ static void explain_definiteness(const msim_sim *sim, const ms_solver *solver, m
                    is_constant ? "; the matrix is the same in every step"
                    : ms_solver_supports_damping_derivative(solver)
                        ? "; the matrix is clamped\n"
-                         "              until the residual has dropped, and then complete, with "
-                         "the non-symmetric damping term"
+                         "              until the residual has dropped, and has the non-symmetric "
+                         "damping term if strong dampers need it"
                        : "; the matrix is clamped\n"
                          "              until the residual has dropped");
   else if (is_constant)
