@@ -182,6 +182,18 @@ class MeshFiles(CliTest):
                                          content.encode())
         self.scene({"msim": 1, "objects": [{"type": "mesh", "file": name, "mass": 1, "k": 10}]})
 
+    def test_planes_constrain(self):
+        """A mesh lets planes constrain, unless the file says otherwise."""
+        self.write("mesh.obj", OBJ)
+        for keys in ({}, {"planes_constrain": True}, {"planes_constrain": False}):
+            with self.subTest(keys):
+                self.scene({"msim": 1, "planes": [{"normal": [0, 0, 1], "offset": -1}], **keys,
+                            "objects": [{"type": "mesh", "file": "mesh.obj", "mass": 1, "k": 10}]})
+                out = self.good("explain", "scene.json", "--integrator", "implicit-euler",
+                                "--h", "0.01", "--steps", "1")
+                self.assertEqual("the matrix holds particles" in out,
+                                 keys.get("planes_constrain", True))
+
     def test_whole_files(self):
         for name, content in WHOLE.items():
             with self.subTest(name):

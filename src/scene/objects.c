@@ -304,6 +304,7 @@ msim_status ms_objects_add_particles(msim_scene *scene, ms_shape *shape, const c
   shape->first = scene->data->nparticles;
   msim_status status = msim_scene_add_particles(scene, n, x, NULL, mass, err);
   ms_memory_free(&alloc, x);
+  if (!status && shape->mesh) scene->data->planes_constrain = 1;
   return status || !shape->npinned ? status : pin_particles(scene, shape, err);
 }
 
@@ -361,10 +362,8 @@ msim_status ms_objects_add_springs(msim_scene *scene, const ms_shape *shape, msi
   status = ms_scene_end_springs(s, count, 0, err);
   if (!status && shape->law) status = set_law(scene, shape, err);
   if (!status) status = add_angles(scene, shape, err);
-  if (status || !shape->mesh) return status;
-  ms_mesh_add_repairs(shape->mesh, &scene->data->repairs);
-  scene->data->planes_constrain = 1;
-  return MSIM_OK;
+  if (!status && shape->mesh) ms_mesh_add_repairs(shape->mesh, &scene->data->repairs);
+  return status;
 }
 
 /*------------------------------------- public ---------------------------------------------------*/
@@ -373,13 +372,14 @@ static msim_status add_shape(msim_scene *scene, ms_shape *shape, const char *sub
                              msim_error *err) {
   const int32_t nparticles = scene->data->nparticles, nfaces = scene->data->nfaces;
   const int32_t nsprings = scene->data->nsprings;
+  const int planes_constrain = scene->data->planes_constrain;
   msim_status status = ms_objects_add_particles(scene, shape, subject, err);
   if (!status) status = ms_objects_add_faces(scene, shape, err);
   if (!status) status = ms_objects_add_springs(scene, shape, err);
   /* data that are shared have the old numbers already, and must not be written to */
   if (status && scene->data->nparticles > nparticles)
     scene->data->nparticles = nparticles, scene->data->nfaces = nfaces,
-    scene->data->nsprings = nsprings;
+    scene->data->nsprings = nsprings, scene->data->planes_constrain = planes_constrain;
   return status;
 }
 

@@ -13,7 +13,8 @@ static ms_refusal find_refused_option(const msim_sim *sim) {
   if (sim->config.integrator->entry.implicit && sim->scene->ncolliders)
     return (ms_refusal){"colliders in implicit steps", "use planes only, an explicit method"};
   if (sim->config.integrator->entry.implicit && sim->scene->nplanes && sim->scene->planes_constrain)
-    return (ms_refusal){"planes_constrain in implicit steps", "remove it, use an explicit method"};
+    return (ms_refusal){"planes_constrain in implicit steps",
+                        "set it to false, use an explicit method"};
   if (ms_scene_has_obstacles(sim->scene) && sim->config.opt.collision == MSIM_COLLISION_EVENT)
     return (ms_refusal){"collision = event at planes and colliders", "use collision = reflect"};
   return (ms_refusal){NULL, NULL};

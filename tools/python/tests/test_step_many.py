@@ -76,8 +76,8 @@ def test_ctrl_c_ends_the_steps_of_all():
         import msim
         from test_step_many import make_sims
         sims = make_sims()
-        print("begin", flush=True)
         try:
+            print("begin", flush=True)
             msim.step_many(sims, 10**9)
         except KeyboardInterrupt:
             print(len({sim.nsteps for sim in sims}), flush=True)
