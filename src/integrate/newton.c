@@ -138,9 +138,9 @@ static int may_use_full(const newton *n) {
 static int may_solve_exactly(const newton *n) {
   enum { PATIENCE = 15 };
   const ms_solver *solver = n->s->solver;
-  const int is_direct = solver->elimination.a || solver->linear->unsymmetric;
-  return n->dampers == MS_DAMPERS_DOMINANT && may_use_full(n) &&
-         (is_direct || n->count >= PATIENCE) && ms_solver_supports_damping_derivative(solver) &&
+  const int must_wait = n->count < PATIENCE && ms_solver_needs_bicgstab(solver);
+  return n->dampers == MS_DAMPERS_DOMINANT && may_use_full(n) && !must_wait &&
+         ms_solver_supports_damping_derivative(solver) &&
          n->s->opt->jacobian != MSIM_JACOBIAN_CLAMP;
 }
 

@@ -126,6 +126,11 @@ msim_status ms_solver_solve_several(ms_solver *solver, double rtol, int32_t n, d
  * the one selected, or BiCGStab or elimination beside it. */
 int ms_solver_supports_damping_derivative(const ms_solver *solver);
 
+/* 1: systems with v are solved by BiCGStab, even where elimination is allowed. */
+static inline int ms_solver_needs_bicgstab(const ms_solver *solver) {
+  return !solver->linear->unsymmetric && !solver->elimination.a;
+}
+
 /* To be called once before ms_solver_descend(). */
 static inline msim_status ms_solver_prepare_descent(ms_solver *solver, msim_error *err) {
   ms_linear *linear = solver->linear;

@@ -55,6 +55,13 @@ static void append_text(export_state *e, const char *text, const char *path) {
   if (*text) append_node(e, MSIM_NODE_TEXT, 1, text, "%s", path)->dims[0] = (int64_t)strlen(text);
 }
 
+/* A node of its own number: of what a scene does not store as int64_t */
+static void append_whole(export_state *e, int64_t value, const char *path) {
+  node_storage *own = &e->entries[e->n];
+  own->whole = value;
+  append_node(e, MSIM_NODE_WHOLE, 0, &own->whole, "%s", path);
+}
+
 /*------------------------------------- sections -------------------------------------------------*/
 
 static void export_particles(export_state *e) {
@@ -142,11 +149,7 @@ static void export_planes(export_state *e) {
     append_node(e, MSIM_NODE_REAL, 0, &p->restitution, "planes/%d/restitution", i);
     append_node(e, MSIM_NODE_REAL, 0, &p->friction, "planes/%d/friction", i);
   }
-  if (!e->scene->planes_constrain) return;
-  node_storage *own = &e->entries[e->n];
-  own->whole = 1;
-  append_node(e, MSIM_NODE_WHOLE, 0, &own->whole, "%s",
-              ms_section_keys[MS_KEY_PLANES_CONSTRAIN].key);
+  if (e->scene->planes_constrain) append_whole(e, 1, ms_section_keys[MS_KEY_PLANES_CONSTRAIN].key);
 }
 
 static void export_samples(export_state *e, int32_t i) {
@@ -250,9 +253,7 @@ static int allocate_nodes(export_state *e) {
 }
 
 static void export_all(export_state *e) {
-  node_storage *version = &e->entries[e->n];
-  version->whole = 1;
-  append_node(e, MSIM_NODE_WHOLE, 0, &version->whole, "msim");
+  append_whole(e, 1, "msim");
   append_text(e, e->scene->name, "name");
   for (int i = 0; i < MS_SCENE_PARAMETERS; i++) {
     const ms_scene_parameter *p = &ms_scene_parameters[i];

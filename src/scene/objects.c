@@ -372,7 +372,7 @@ static msim_status add_shape(msim_scene *scene, ms_shape *shape, const char *sub
                              msim_error *err) {
   const int32_t nparticles = scene->data->nparticles, nfaces = scene->data->nfaces;
   const int32_t nsprings = scene->data->nsprings;
-  const int planes_constrain = scene->data->planes_constrain;
+  const int32_t planes_constrain = scene->data->planes_constrain;
   msim_status status = ms_objects_add_particles(scene, shape, subject, err);
   if (!status) status = ms_objects_add_faces(scene, shape, err);
   if (!status) status = ms_objects_add_springs(scene, shape, err);

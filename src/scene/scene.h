@@ -71,7 +71,7 @@ typedef struct ms_scene {
 
   int32_t nplanes, plane_capacity;
   msim_plane *planes;
-  int planes_constrain; /* 1: in implicit methods they are treated as colliders are */
+  int32_t planes_constrain; /* 1: in implicit methods they are treated as colliders are */
 
   int32_t ncolliders, collider_capacity;
   msim_collider *colliders;
