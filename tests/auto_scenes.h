@@ -12,26 +12,7 @@ static inline msim_scene *damped_cloth(void) { return hanging_cloth(5, 300, 0.05
 static inline msim_scene *large_cloth(void) { return hanging_cloth(9, 3e4, 0); }
 static inline msim_scene *felt(void) { return hanging_cloth(5, 3000, 10); }
 
-/* A rope along x that swings from its first particle, which is pinned. */
-static inline msim_scene *swing(int32_t n, double k, double damping) {
-  const double g[3] = {0, 0, -9.81};
-  const int32_t first = 0;
-  const msim_rope rope = {.size = sizeof rope,
-                          .n = n,
-                          .to = {1, 0, 0},
-                          .mass = 0.2,
-                          .k = k,
-                          .damping = damping,
-                          .npinned = 1,
-                          .pinned = &first};
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_rope(scene, &rope, err));
-  assert_ok(msim_scene_set_gravity(scene, g, err));
-  return scene;
-}
-
-static inline msim_scene *pendulum(void) { return swing(6, 500, 0); }
+static inline msim_scene *pendulum(void) { return swinging_rope(6, 500, 0); }
 
 static inline msim_scene *ball(void) {
   const double x[3] = {0, 0, 1}, v[3] = {0};

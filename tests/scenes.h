@@ -84,6 +84,25 @@ static inline void plane(msim_scene *scene, double nx, double ny, double nz, dou
   assert_ok(msim_scene_add_plane(scene, &p, err));
 }
 
+/* A rope along x that swings from its first particle, which is pinned. */
+static inline msim_scene *swinging_rope(int32_t n, double k, double damping) {
+  const double g[3] = {0, 0, -9.81};
+  const int32_t first = 0;
+  const msim_rope rope = {.size = sizeof rope,
+                          .n = n,
+                          .to = {1, 0, 0},
+                          .mass = 0.2,
+                          .k = k,
+                          .damping = damping,
+                          .npinned = 1,
+                          .pinned = &first};
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_rope(scene, &rope, err));
+  assert_ok(msim_scene_set_gravity(scene, g, err));
+  return scene;
+}
+
 /* A compressed zigzag rope of n particles, the first pinned: it springs apart under large
  * rotations. */
 static inline msim_scene *folded_rope(int32_t n) {

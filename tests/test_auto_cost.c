@@ -214,7 +214,7 @@ static void as_good_as_the_best(void **state) {
 
 /*------------------------------------- tr-bdf2 --------------------------------------------------*/
 
-static msim_scene *wire(void) { return swing(3, 1e9, 1e4); }
+static msim_scene *wire(void) { return swinging_rope(3, 1e9, 1e4); }
 
 /* Two stiff damped springs that swing slowly: long implicit steps are much less expensive. */
 static void implicit_where_it_costs_less(void **state) {

@@ -10,7 +10,7 @@
 enum { IMPLICIT = MS_CANDIDATES - 1 };
 
 /* Two stiff springs with strong dampers */
-static msim_scene *wire(double k) { return swing(3, k, 1e4); }
+static msim_scene *wire(double k) { return swinging_rope(3, k, 1e4); }
 
 static msim_sim *planned(const msim_scene *scene, const char *method, double tol) {
   msim_options opt;

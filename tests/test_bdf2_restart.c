@@ -67,7 +67,7 @@ static void the_estimate_of_a_step_is_its_error(void **state) {
     before[0][0] = x_at(0), before[1][0] = v_at(0), before[2][0] = -100 * x_at(h);
     s->x[0] = x_at(h), s->v[0] = v_at(h);
     s->h = ratio[i] * h, s->h_before = h;
-    assert_ok(ms_island_step_make_substeps(sim, s, 1, err));
+    assert_ok(ms_island_step_make_substeps(sim, sim->config.integrator, s, 1, err));
     double *dx = s->x_spare[1], *dv = s->v_spare[1];
     sim->config.integrator->estimate(s, 0, dx, dv);
     assert_close(dx[0] / (s->x_next[0] - x_at(h + s->h)), 1, 0.03);

@@ -5,8 +5,8 @@
 #include "auto_scenes.h"
 #include "choose/pilot_run.h"
 
-static msim_scene *damped_rope(void) { return swing(32, 1e4, 4); }
-static msim_scene *rope(void) { return swing(32, 1e4, 0); }
+static msim_scene *damped_rope(void) { return swinging_rope(32, 1e4, 4); }
+static msim_scene *rope(void) { return swinging_rope(32, 1e4, 0); }
 
 static const ms_candidate *find_controlled(const msim_sim *sim, const char *method) {
   for (int i = 0; i < MS_CANDIDATES; i++) {

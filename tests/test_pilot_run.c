@@ -102,7 +102,7 @@ static void free_particles_are_counted(void **state) {
     int n, few, many;
   } row[] = {{12, 1, 0}, {13, 0, 0}, {64, 0, 0}, {65, 0, 1}}; /* one is pinned */
   for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
-    msim_scene *scene = swing(row[i].n, 500, 0);
+    msim_scene *scene = swinging_rope(row[i].n, 500, 0);
     const msim_options opt = options_of("velocity-verlet", 0, 0.01);
     msim_sim *sim = make_sim(scene, &opt);
     const msim_state start = state_of(sim);

@@ -14,7 +14,7 @@
 static msim_scene *cloth(void) { return hanging_cloth(16, 300, 0); }
 static msim_scene *damped_net(void) { return hanging_cloth(12, 300, 0.02); }
 static msim_scene *block(void) { return pinned_block(6, 0.5, 2000, 0); }
-static msim_scene *rope(void) { return swing(160, 2e4, 0); }
+static msim_scene *rope(void) { return swinging_rope(160, 2e4, 0); }
 
 static msim_scene *fall(void) {
   const double g[3] = {0, 0, -9.81};

@@ -34,12 +34,13 @@ int ms_verification_setup_is_for_events(const ms_pilot_run *p, const ms_candidat
 /* Set the difference from half steps that verified steps may have (step_verification.h): 50 e
  * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
  * and no plane is near. e: that of a step at the choice; E: the error predicted without the growth
- * to come. A measured step may contain an event, whose error and indicators are not typical: so
- * several are measured, but only one of many particles, where all steps are alike. */
+ * to come; tol counts as 0.01 at most, as larger errors do not add up as small ones do. A measured
+ * step may contain an event, whose error and indicators are not typical: so several are measured,
+ * but only one of many particles, where all steps are alike. */
 msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c,
                                           const ms_trial *trial, ms_step_verification *v,
                                           msim_error *err) {
-  const double CARE = 50, SOME = 4, event = p->tol / 4;
+  const double CARE = 50, SOME = 4, tol = fmin(p->tol, 0.01), event = tol / 4;
   const int n = p->many ? 1 : MS_MEASURED_STEPS;
   ms_step_measurement s[MS_MEASURED_STEPS];
   v->scales = p->scales;
@@ -50,9 +51,9 @@ msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c
   if (v->only_events) return MSIM_OK;
   msim_status status = ms_pilot_run_measure_steps(p, trial, n, s, err);
   if (status) return status;
-  const double share = p->tol * c->h / p->span;
+  const double share = tol * c->h / p->span;
   const double foreseen = fmax(c->error / ms_pilot_run_growth(p, trial->order), DBL_MIN);
-  const double even = usual_error(s, n, event) * p->tol / foreseen;
+  const double even = usual_error(s, n, event) * tol / foreseen;
   const double most = p->planes_count || !p->many ? event : fmax(event, SOME * even);
   if (p->many && trial->order == 2) v->error_sum = even * p->span / c->h;
   v->allowed = fmin(most, fmax(share, CARE * even));

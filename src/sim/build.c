@@ -21,8 +21,10 @@ static msim_status allocate_vectors(msim_sim *sim, ms_island_sim *m, msim_error 
                          ms_scene_constrains(sim->scene, sim->config.opt.collision);
   const int events = (constrains || sim->config.opt.collision == MSIM_COLLISION_EVENT) &&
                      m->model.features & MS_HAS_PLANES;
-  const int nwork = events && sim->config.integrator->entry.implicit ? MS_IMPLICIT_CONTACT_WORK : 0;
-  for (int i = 0; i < sim->config.integrator->nwork || i < nwork; i++)
+  const int of_contact =
+      events && sim->config.integrator->entry.implicit ? MS_IMPLICIT_CONTACT_WORK : 0;
+  const int of_substeps = ms_step_verification_work(sim);
+  for (int i = 0; i < sim->config.integrator->nwork || i < of_contact || i < of_substeps; i++)
     vectors[count++] = &s->work[i];
   const int half_edges =
       ms_sim_has_control(sim) || ms_sim_selects(sim) || ms_island_step_count_retries(sim) > 1;

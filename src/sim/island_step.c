@@ -10,14 +10,14 @@
 
 /* Make one step of s->h by the method; all steps go through here. MSIM_NOT_FINITE: x or v is NaN or
  * huge. */
-static msim_status step_checked(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+static msim_status step_checked(const ms_integrator *method, ms_stepper *s, msim_error *err) {
   s->offender = -1;
   s->finite = 0;
   s->c = 0;
   ms_force_function *function = s->model->function;
   if (function) function->status = MSIM_OK;
-  msim_status status = ms_events_step(sim->config.integrator, s, err);
-  if (!sim->config.integrator->counts_work) ms_stepper_add_trapezoidal_work(s, s->v);
+  msim_status status = ms_events_step(method, s, err);
+  if (!method->counts_work) ms_stepper_add_trapezoidal_work(s, s->v);
   if (function && function->status) return ms_force_function_report(s->model, &s->offender, err);
   if (status || s->finite) return status;
   s->offender = ms_vector_find_invalid(s->model->state_shape, s->x_next);
@@ -55,8 +55,8 @@ static msim_status agree_on_substep(const msim_sim *sim, msim_status status, msi
   return is_once ? status : ms_ranks_agree(sim->ranks, status, err);
 }
 
-msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int64_t n,
-                                         msim_error *err) {
+msim_status ms_island_step_make_substeps(const msim_sim *sim, const ms_integrator *method,
+                                         ms_stepper *s, int64_t n, msim_error *err) {
   const ms_stepper start = *s;
   msim_status status = MSIM_OK;
   s->parts = n;
@@ -67,7 +67,7 @@ msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int
   for (int64_t i = 0; i < n && !status; i++) {
     s->part = i;
     if (i > 0) begin_next_substep(s, &start);
-    status = agree_on_substep(sim, step_checked(sim, s, err), err);
+    status = agree_on_substep(sim, step_checked(method, s, err), err);
     if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
   }
   s->impact = impact;
@@ -93,23 +93,25 @@ int32_t ms_island_step_count_retries(const msim_sim *sim) {
 /* A whole step, which goes to the second spare pair, and two half steps, whose impacts count. With
  * an impact inside there are none: the step will be shortened, and its error is not known, as the
  * second half step would begin behind the plane or after the impact. */
-static msim_status make_doubled_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
+static msim_status make_doubled_step(const msim_sim *sim, const ms_integrator *method,
+                                     ms_stepper *s, msim_error *err) {
   const int64_t contacts = s->stats->contacts;
-  msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
+  msim_status status = ms_island_step_make_substeps(sim, method, s, 1, err);
   if (status || ms_control_is_shortened(s->impact)) return status;
   s->stats->contacts = contacts;
   if (s->events) ms_contact_set_save_start(s->events, s->model->shape);
   const int moved = s->events && s->events->moved;
   ms_stepper_swap(&s->x_next, &s->x_spare[1]);
   ms_stepper_swap(&s->v_next, &s->v_spare[1]);
-  status = ms_island_step_make_substeps(sim, s, 2, err);
+  status = ms_island_step_make_substeps(sim, method, s, 2, err);
   if (s->events) s->events->moved = moved;
   return status;
 }
 
 /* One step, whose error the method estimates by itself; keeps the state that it started from. */
-static msim_status make_estimated_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
-  const msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
+static msim_status make_estimated_step(const msim_sim *sim, const ms_integrator *method,
+                                       ms_stepper *s, msim_error *err) {
+  const msim_status status = ms_island_step_make_substeps(sim, method, s, 1, err);
   if (!status && s->events) ms_contact_set_save_start(s->events, s->model->shape);
   return status;
 }
@@ -127,20 +129,20 @@ double ms_island_step_find_path_error(const ms_island_sim *m) {
 /* The controller expects errors proportional to h^k: those of paths, ~ h^3, enter with the power
  * k/3. Step doubling does not see them all: where an impact ends a step, its neighbours feel the
  * velocity before it for the same time in both half steps and in the whole one. */
-msim_status ms_island_step_make_controlled(const msim_sim *sim, ms_island_sim *m,
-                                           const ms_control *c, msim_error *err) {
+msim_status ms_island_step_make_controlled(const msim_sim *sim, const ms_integrator *method,
+                                           ms_island_sim *m, const ms_control *c, msim_error *err) {
   ms_stepper *s = &m->stepper;
   double *x = s->x, *v = s->v;
   const double allowed = ms_control_allowed_error(c, s->h);
   s->one_substep = 1;
   s->impact = MS_NOWHERE;
-  const msim_status status = sim->config.integrator->estimate ? make_estimated_step(sim, s, err)
-                                                              : make_doubled_step(sim, s, err);
+  const msim_status status = method->estimate ? make_estimated_step(sim, method, s, err)
+                                              : make_doubled_step(sim, method, s, err);
   s->one_substep = 0;
   if (status) return status;
   if (s->events && s->events->moved) s->x = s->events->begin[0], s->v = s->events->begin[1];
-  const int is_unknown = !sim->config.integrator->estimate && ms_control_is_shortened(s->impact);
-  m->error = is_unknown ? NAN : ms_control_error(sim->config.integrator, s, &m->norm, allowed);
+  const int is_unknown = !method->estimate && ms_control_is_shortened(s->impact);
+  m->error = is_unknown ? NAN : ms_control_error(method, s, &m->norm, allowed);
   s->x = x, s->v = v;
   const double of_paths = pow(ms_island_step_find_path_error(m), c->order / 3);
   if (!isnan(m->error) && !(of_paths <= m->error)) m->error = of_paths;

@@ -7,14 +7,15 @@
 /* How many times the number of substeps is doubled if a step fails. */
 int32_t ms_island_step_count_retries(const msim_sim *sim);
 
-/* n substeps of h/n by one island, one after the other, from x to x_next. */
-msim_status ms_island_step_make_substeps(const msim_sim *sim, ms_stepper *s, int64_t n,
-                                         msim_error *err);
+/* n substeps of h/n by that method and one island, one after the other, from x to x_next. */
+msim_status ms_island_step_make_substeps(const msim_sim *sim, const ms_integrator *method,
+                                         ms_stepper *s, int64_t n, msim_error *err);
 
 /* A step of s->h by one island as error control makes it: it does not end at its first impact, but
  * returns that in s->impact. m->error: its error, over what c allows. */
-msim_status ms_island_step_make_controlled(const msim_sim *sim, struct ms_island_sim *m,
-                                           const ms_control *c, msim_error *err);
+msim_status ms_island_step_make_controlled(const msim_sim *sim, const ms_integrator *method,
+                                           struct ms_island_sim *m, const ms_control *c,
+                                           msim_error *err);
 
 /* The error of particles on paths of their own (impact_location.h) in the step, over what an event
  * may add. */

@@ -23,12 +23,13 @@
 /* The step as it is planned, or else in 2, 4, ... times as many substeps. */
 static msim_status make_fixed_step(const msim_sim *sim, ms_stepper *s, msim_error *err) {
   enum { MOST = 40 };
+  const ms_integrator *method = sim->config.integrator;
   const int32_t retries = ms_island_step_count_retries(sim);
   const int64_t parts = ms_sim_selects(sim) ? sim->config.choice.substeps : 1;
-  msim_status status = ms_island_step_make_substeps(sim, s, parts, err);
+  msim_status status = ms_island_step_make_substeps(sim, method, s, parts, err);
   for (int i = 1; i <= retries && i <= MOST && ms_island_step_may_retry(status); i++) {
     s->stats->rejected_steps++;
-    status = ms_island_step_make_substeps(sim, s, parts << i, err);
+    status = ms_island_step_make_substeps(sim, method, s, parts << i, err);
   }
   return status;
 }
@@ -53,10 +54,11 @@ static int stays_at_rest(const msim_sim *sim, const ms_island_sim *m, int64_t co
 static msim_status step_island(const msim_sim *sim, ms_island_sim *m, msim_error *err) {
   const int64_t contacts = m->stepper.stats->contacts;
   const int verified = sim->config.choice.verification.allowed > 0;
-  msim_status status = ms_sim_has_control(sim)
-                           ? ms_island_step_make_controlled(sim, m, &sim->run.control, err)
-                       : verified ? ms_step_verification_make_step(sim, m, err)
-                                  : make_fixed_step(sim, &m->stepper, err);
+  msim_status status;
+  if (ms_sim_has_control(sim))
+    status = ms_island_step_make_controlled(sim, sim->config.integrator, m, &sim->run.control, err);
+  else if (verified) status = ms_step_verification_make_step(sim, m, err);
+  else status = make_fixed_step(sim, &m->stepper, err);
   if (!status && m->self_contact)
     status = ms_self_contact_correct(m->self_contact, &m->stepper, err);
   m->at_rest_next = !status && !m->stepper.incomplete && stays_at_rest(sim, m, contacts);

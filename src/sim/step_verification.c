@@ -7,6 +7,7 @@
 #include "physics/signed_distance.h"
 #include "physics/single.h"
 #include "contact/contact_set.h"
+#include "methods/methods.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
 #include "physics/external_force.h"
@@ -17,9 +18,20 @@ enum { ENERGY_INTERVAL = 512 };
 /* Indicators */
 enum { DEFECT, TURN };
 
+/* The method of substeps */
+static const ms_integrator *const substep_method = &ms_dop853;
+
+static int is_needed(const msim_sim *sim) {
+  return ms_sim_selects(sim) && !ms_sim_has_control(sim);
+}
+
+int32_t ms_step_verification_work(const msim_sim *sim) {
+  return is_needed(sim) && sim->config.choice.verification.allowed > 0 ? substep_method->nwork : 0;
+}
+
 msim_status ms_step_verification_create(const msim_sim *sim, const ms_model *model,
                                         ms_island_verification *check, msim_error *err) {
-  if (!ms_sim_selects(sim) || ms_sim_has_control(sim)) return MSIM_OK;
+  if (!is_needed(sim)) return MSIM_OK;
   if (MS_NEW_VECTORS(sim->scene, &model->unknowns, &check->x, &check->v)) return MSIM_OK;
   return ms_error_set_memory(err, "the start of a step");
 }
@@ -96,7 +108,7 @@ static msim_status repeat_in_half_steps(const msim_sim *sim, ms_stepper *s, cons
   s->stats->contacts = contacts;
   ms_stepper_swap(&s->x_next, &s->x_spare[1]);
   ms_stepper_swap(&s->v_next, &s->v_spare[1]);
-  msim_status status = ms_island_step_make_substeps(sim, s, 2, err);
+  msim_status status = ms_island_step_make_substeps(sim, sim->config.integrator, s, 2, err);
   if (status) return status;
   const double *dx = ms_single_subtract_x(s->model, s->x_next, s->x_spare[1], s->x_spare[0]);
   const double *dv = ms_single_subtract_v(s->model, s->v_next, s->v_spare[1], s->v_spare[0]);
@@ -113,7 +125,8 @@ msim_status ms_step_verification_measure(msim_sim *sim, const ms_scales *scales,
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     double error;
     const int64_t contacts = m->stepper.stats->contacts;
-    msim_status status = ms_island_step_make_substeps(sim, &m->stepper, 1, err);
+    msim_status status =
+        ms_island_step_make_substeps(sim, sim->config.integrator, &m->stepper, 1, err);
     if (status) return status;
     step->indicator[DEFECT] = fmax(step->indicator[DEFECT],
                                    find_defect_norm(sim->config.integrator, &m->stepper, scales));
@@ -175,7 +188,7 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
   ms_attempt a = ms_control_begin_attempt(c, ms_sim_time(sim), *left);
   for (;;) {
     const double h = s->h = a.h;
-    const msim_status status = ms_island_step_make_controlled(sim, m, c, err);
+    const msim_status status = ms_island_step_make_controlled(sim, substep_method, m, c, err);
     if (status && !ms_island_step_may_retry(status)) return status;
     const ms_verdict verdict = ms_control_judge_attempt(c, &a, status, m->error, s->impact);
     if (verdict == MS_ACCEPTED) {
@@ -213,14 +226,13 @@ static void restore_saved_start(ms_island_sim *m) {
 static ms_control substep_control(const msim_sim *sim, double step, double h) {
   const double LESS = 1. / 16, tol = sim->config.choice.tol, span = ms_plan_span(&sim->config.plan);
   const double most = LESS * sim->config.choice.verification.allowed * span / step;
-  ms_control c = ms_control_make(sim->config.integrator, fmax(tol, most), span);
+  ms_control c = ms_control_make(substep_method, fmax(tol, most), span);
   c.h = h;
   return c;
 }
 
-/* Make the step in substeps under error control, check->h at first; the next step continues with
- * them if they are still shorter. A method of order 2 does not continue: its errors mostly cancel,
- * and it would need very many substeps to keep each of them small. */
+/* Make the step in substeps under error control, m->verification.substep at first; the next step
+ * continues with them if they are still shorter. */
 static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, int *moved,
                                          msim_error *err) {
   ms_stepper *s = &m->stepper;
@@ -235,15 +247,8 @@ static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, 
   ms_stepper_swap(&s->v, &s->v_next);
   s->cached_stage_next =
       0; /* error control treats contacts differently from methods that replay impacts */
-  m->verification.substep = c.h < h && sim->config.integrator->entry.order > 2 ? c.h : 0;
+  m->verification.substep = c.h < h ? c.h : 0;
   return status;
-}
-
-/* The length of substeps that are accurate enough in place of a step with this error */
-static double substep_length(const msim_sim *sim, double h, double error) {
-  ms_control c = substep_control(sim, h, h);
-  ms_control_update(&c, h, error / ms_control_allowed_error(&c, h));
-  return c.h;
 }
 
 /* Parts of a step, more if the errors of the island add up to more than tol */
@@ -271,7 +276,7 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   const double usual = sim->config.choice.verification.allowed;
   double error = INFINITY, sign[2] = {0};
   if (check->substep > 0) return make_step_in_substeps(sim, m, moved, err);
-  msim_status status = ms_island_step_make_substeps(sim, s, 1, err);
+  msim_status status = ms_island_step_make_substeps(sim, sim->config.integrator, s, 1, err);
   if (status && !ms_island_step_may_retry(status)) return status;
   const int has_event = !status && has_events(m, contacts);
   const double allowed =
@@ -292,7 +297,7 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   if (!(error <= enough)) {
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
-    check->substep = substep_length(sim, s->h, error);
+    check->substep = s->h;
     return make_step_in_substeps(sim, m, moved, err);
   }
   add_up_error(sim, m, error);
