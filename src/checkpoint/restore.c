@@ -53,7 +53,7 @@ static void check_choice(ms_archive *b, const msim_sim *sim, const ms_saved_run 
       best->precision == MSIM_PRECISION_DOUBLE ||
           (here->precision == MSIM_PRECISION_AUTO && !ms_precision_find_obstacle(sim->scene)),
       "the precision");
-  ms_archive_check(b, r->tol == (controlled ? there->tol : 0), "tol");
+  ms_archive_check(b, r->tol == 0 || (controlled && r->tol == there->tol), "tol");
   ms_archive_check(b, r->first_h > 0, "the step");
 }
 

@@ -69,8 +69,6 @@ static int is_controlled(int i) {
   return i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED || i == IMPLICIT;
 }
 
-/* A run that has begun keeps its grid of steps, so that error control is no candidate: then others
- * are, however few the particles are. */
 static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
   if (i == LEAPFROG_METHOD && planes && few) return MS_REASON_FEW_IMPACTS;
@@ -86,8 +84,7 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   if (i == STABILISED && ms_pilot_run_stable_step(p, &ms_rkc) == 0) return MS_REASON_NEVER_STABLE;
   if (!p->many && !planes && !ms_control_is_supported(candidate_method(p, i)))
     return MS_REASON_UNVERIFIED;
-  if (i == ERROR_CONTROLLED && p->mid_run) return MS_REASON_ON_GRID;
-  if (i != ERROR_CONTROLLED && p->few && !p->mid_run) return MS_REASON_FEW_PARTICLES;
+  if (i != ERROR_CONTROLLED && p->few) return MS_REASON_FEW_PARTICLES;
   return MS_REASON_NONE;
 }
 
@@ -239,11 +236,13 @@ static double later_shortening(const ms_pilot_run *p, const ms_candidate *c, dou
 
 /* The method under error control from the end of the pilot run, or an impact, over a quarter of its
  * length, or as long as it costs less than the best candidate so far would there; without planes
- * its first steps are sufficient.
+ * its first steps are sufficient. In a run that has begun the pilot run is short, and ends at the
+ * first of many impacts: there it is tried as far as fixed steps are.
  * Evaluations of dop853 count more, as in `candidate_list`. */
 static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candidate *c,
                                   msim_error *err) {
-  const double SUMS = i == ERROR_CONTROLLED ? 13. / 12 : 1, t = fmax(p->duration, p->span / 16) / 4;
+  const double SUMS = i == ERROR_CONTROLLED ? 13. / 12 : 1;
+  const double t = p->mid_run ? p->span / 14 : fmax(p->duration, p->span / 16) / 4;
   const double steps = p->planes_count ? INFINITY : CONTROLLED_STEPS, longest = c->h;
   msim_sim *trial;
   msim_status status = ms_pilot_run_create_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
@@ -394,7 +393,8 @@ static void warn_of_error(const msim_sim *sim, const ms_candidate *c, double tol
               tol, c->method->entry.name, c->error);
 }
 
-/* Set method and options as if they had been requested. The first step is a stable one. */
+/* Set method and options as if they had been requested. The first step is a stable one. A run that
+ * has begun keeps its grid of steps: error control chooses their substeps. */
 static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_choice *s) {
   const ms_candidate *c = &s->candidates[s->best];
   const double reach = ms_pilot_run_stable_step(p, c->method);
@@ -403,7 +403,7 @@ static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_cho
   sim->config.choice.out_of_date = 1;
   sim->config.integrator = c->method;
   sim->config.opt.integrator = c->method->entry.name;
-  sim->config.opt.tol = c->error_control ? s->tol : 0;
+  sim->config.opt.tol = c->error_control && !p->mid_run ? s->tol : 0;
   sim->config.opt.h = fmin(c->h, reach);
   sim->config.opt.collision = c->collision;
   sim->config.opt.precision = c->precision;

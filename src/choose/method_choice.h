@@ -16,7 +16,8 @@
  * (step_verification.h). LSODA (Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136) likewise compares
  * the steps that each method could take.
  *
- * Until a plane is close the choice is as without planes; then it is made anew.
+ * Until a plane is close the choice is as without planes; then it is made anew. Frames are bound to
+ * the steps with which the run began: error control then chooses substeps of these.
  *
  * respa is tried first, where few springs limit the steps of all others (multirate_trial.h). Where
  * stability limits the step of the best of the others, tr-bdf2 makes the whole run: it is rejected

@@ -58,7 +58,7 @@ static msim_state state_of(const ms_pilot_run *p, const ms_pilot_state *s) {
 }
 
 msim_status ms_pilot_run_set_late(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
-  const msim_state late = state_of(p, p->planes_count ? &p->middle : &p->end);
+  const msim_state late = state_of(p, p->planes_count && !p->mid_run ? &p->middle : &p->end);
   return ms_sim_set_state(sim, &late, err);
 }
 

@@ -104,7 +104,8 @@ double ms_pilot_run_count_work(const msim_sim *sim);
 /* The model of the largest island, to predict iterations. */
 const ms_model *ms_pilot_run_model(const ms_pilot_run *p);
 
-/* Set a sim to the start of the pilot run; to its end, or the state after an impact. */
+/* Set a sim to the start of the pilot run; to its end, or the state after an impact, or before it
+ * if the run has begun. */
 msim_status ms_pilot_run_set_start(const ms_pilot_run *p, msim_sim *sim, msim_error *err);
 msim_status ms_pilot_run_set_late(const ms_pilot_run *p, msim_sim *sim, msim_error *err);
 

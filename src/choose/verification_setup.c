@@ -34,17 +34,19 @@ int ms_verification_setup_is_for_events(const ms_pilot_run *p, const ms_candidat
 /* Set the difference from half steps that verified steps may have (step_verification.h): 50 e
  * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
  * and no plane is near. e: that of a step at the choice; E: the error predicted without the growth
- * to come; tol counts as 0.01 at most, as larger errors do not add up as small ones do. A measured
- * step may contain an event, whose error and indicators are not typical: so several are measured,
- * but only one of many particles, where all steps are alike. */
+ * to come. Away from planes tol counts as 0.01 at most, as larger errors do not add up as small
+ * ones do. A measured step may contain an event, whose error and indicators are not typical: so
+ * several are measured, but only one of many particles, where all steps are alike. */
 msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c,
                                           const ms_trial *trial, ms_step_verification *v,
                                           msim_error *err) {
-  const double CARE = 50, SOME = 4, tol = fmin(p->tol, 0.01), event = tol / 4;
+  const double CARE = 50, SOME = 4, MOST = p->planes_count ? INFINITY : 0.01;
+  const double tol = fmin(p->tol, MOST), event = tol / 4;
   const int n = p->many ? 1 : MS_MEASURED_STEPS;
   ms_step_measurement s[MS_MEASURED_STEPS];
   v->scales = p->scales;
   v->planes_far = ms_scene_has_obstacles(p->sim->scene) && !p->planes_count;
+  if (c->error_control && p->mid_run) v->allowed = p->tol * c->h / p->span;
   if (!ms_verification_setup_is_needed(p, c)) return MSIM_OK;
   v->only_events = ms_verification_setup_is_for_events(p, c);
   if (v->only_events) v->allowed = p->tol / MS_EVENTS_PER_RUN;

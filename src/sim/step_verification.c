@@ -141,6 +141,10 @@ msim_status ms_step_verification_measure(msim_sim *sim, const ms_scales *scales,
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
+static const ms_candidate *chosen(const msim_sim *sim) {
+  return &sim->config.choice.candidates[sim->config.choice.best];
+}
+
 enum { LARGE = 64 }; /* particles: in a larger island a single event adds little to the error */
 
 /* 1: the events of the step just made require verification: many particles bounced, or the error of
@@ -163,8 +167,7 @@ static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign
   const int is_large = m->model.shape.n >= LARGE;
   const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
   const double *seen = m->verification.indicator;
-  const double step_cost = sim->config.choice.candidates[sim->config.choice.best].step_cost;
-  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, step_cost));
+  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, chosen(sim)->step_cost));
   const int computes_indicators = is_scheduled || step % every == 0;
   sign[DEFECT] = sign[TURN] = 0;
   if (computes_indicators)
@@ -231,14 +234,14 @@ static ms_control substep_control(const msim_sim *sim, double step, double h) {
   return c;
 }
 
-/* Make the step in substeps under error control, m->verification.substep at first; the next step
- * continues with them if they are still shorter. */
+/* Make the step in substeps under error control, m->verification.substep at first, or 0: the whole
+ * step; the next step continues with them if they are still shorter, or all are made so. */
 static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, int *moved,
                                          msim_error *err) {
   ms_stepper *s = &m->stepper;
   const double h = s->h;
   double left = h;
-  ms_control c = substep_control(sim, h, m->verification.substep);
+  ms_control c = substep_control(sim, h, m->verification.substep > 0 ? m->verification.substep : h);
   msim_status status = MSIM_OK;
   save_step_start(m, moved);
   s->cached_stage = 0;
@@ -247,7 +250,7 @@ static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, 
   ms_stepper_swap(&s->v, &s->v_next);
   s->cached_stage_next =
       0; /* error control treats contacts differently from methods that replay impacts */
-  m->verification.substep = c.h < h ? c.h : 0;
+  m->verification.substep = c.h < h || chosen(sim)->error_control ? c.h : 0;
   return status;
 }
 
@@ -275,7 +278,8 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   const int64_t contacts = s->stats->contacts;
   const double usual = sim->config.choice.verification.allowed;
   double error = INFINITY, sign[2] = {0};
-  if (check->substep > 0) return make_step_in_substeps(sim, m, moved, err);
+  if (check->substep > 0 || chosen(sim)->error_control)
+    return make_step_in_substeps(sim, m, moved, err);
   msim_status status = ms_island_step_make_substeps(sim, sim->config.integrator, s, 1, err);
   if (status && !ms_island_step_may_retry(status)) return status;
   const int has_event = !status && has_events(m, contacts);

@@ -34,6 +34,8 @@
  * before. Once their sum exceeds that which leads to tol, an island makes its steps in two parts,
  * beyond twice that in four.
  *
+ * Where error control is chosen for a run that has begun, it makes all of its steps in substeps.
+ *
  * Steps with floats (choose/precision_choice.h) have no D, as their rounding is larger, and no
  * substeps under error control: if half steps are not accurate enough, these replace the step all
  * the same, and the run continues with doubles.
@@ -71,14 +73,15 @@ typedef struct ms_island_verification {
 
 /* Verification of the whole run */
 typedef struct ms_step_verification {
-  ms_scales scales;    /* of the scene */
-  double allowed;      /* difference from half steps that is allowed; 0: steps are not verified */
-  double error_sum;    /* of an island that leads to tol at the end of the run; 0: any is allowed */
-  int only_events;     /* 1: steps are verified for their events alone */
-  double indicator[2]; /* indicators of steps at the choice */
-  double energy;       /* J, at the start of the run with this method */
-  int warned;          /* 1: the error of energy was reported */
-  int planes_far;      /* 1: planes are too far away to count yet */
+  ms_scales scales; /* of the scene */
+  double allowed;   /* difference from half steps that is allowed; 0: steps are not verified; more,
+                          if the method has error control: all steps are made in substeps */
+  double error_sum; /* of an island that leads to tol at the end of the run; 0: any is allowed */
+  int only_events;  /* 1: steps are verified for their events alone */
+  double indicator[2];      /* indicators of steps at the choice */
+  double energy;            /* J, at the start of the run with this method */
+  int warned;               /* 1: the error of energy was reported */
+  int planes_far;           /* 1: planes are too far away to count yet */
   int64_t next_plane_check; /* the step at which their distance is checked next */
 } ms_step_verification;
 
