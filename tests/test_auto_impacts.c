@@ -36,7 +36,7 @@ static msim_scene *make_falling_bodies(int32_t size, double damping) {
 }
 
 static const ms_candidate *chosen_by(const msim_sim *sim) {
-  return &sim->config.choice.candidates[sim->config.choice.best];
+  return ms_choice_best(&sim->config.choice);
 }
 
 /* Frames are bound to fixed steps once the run has begun: error control, which bodies of few

@@ -46,7 +46,7 @@ static void check_choice(ms_archive *b, const msim_sim *sim, const ms_saved_run 
   ms_archive_check(b, there->tol == here->tol && there->collision == here->collision,
                    "tol or collision of the choice of a method");
   if (ms_archive_failed(b)) return;
-  const ms_candidate *best = &there->candidates[there->best];
+  const ms_candidate *best = ms_choice_best(there);
   const int controlled = best->error_control;
   ms_archive_check(
       b,
@@ -58,7 +58,7 @@ static void check_choice(ms_archive *b, const msim_sim *sim, const ms_saved_run 
 }
 
 static const ms_integrator *saved_method(const msim_sim *sim, const ms_saved_run *r) {
-  return ms_sim_selects(sim) ? r->choice.candidates[r->choice.best].method : sim->config.integrator;
+  return ms_sim_selects(sim) ? ms_choice_best(&r->choice)->method : sim->config.integrator;
 }
 
 static void check_control(ms_archive *b, const ms_integrator *method, double tol,
@@ -90,8 +90,8 @@ static msim_status plan_run(msim_sim *sim, const ms_saved_run *r, msim_error *er
   if (ms_sim_selects(sim)) {
     sim->config.choice = r->choice;
     sim->config.integrator = saved_method(sim, r);
-    sim->config.opt.collision = r->choice.candidates[r->choice.best].collision;
-    sim->config.opt.precision = r->choice.candidates[r->choice.best].precision;
+    sim->config.opt.collision = ms_choice_best(&r->choice)->collision;
+    sim->config.opt.precision = ms_choice_best(&r->choice)->precision;
     sim->config.opt.integrator = sim->config.integrator->entry.name;
     sim->config.opt.tol = r->tol, sim->config.opt.h = r->first_h;
     sim->config.step_limit =

@@ -242,7 +242,7 @@ static double later_shortening(const ms_pilot_run *p, const ms_candidate *c, dou
 static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candidate *c,
                                   msim_error *err) {
   const double SUMS = i == ERROR_CONTROLLED ? 13. / 12 : 1;
-  const double t = p->mid_run ? p->span / 14 : fmax(p->duration, p->span / 16) / 4;
+  const double t = p->mid_run ? p->span / MS_TRIALS_AT_PLANES : fmax(p->duration, p->span / 16) / 4;
   const double steps = p->planes_count ? INFINITY : CONTROLLED_STEPS, longest = c->h;
   msim_sim *trial;
   msim_status status = ms_pilot_run_create_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);

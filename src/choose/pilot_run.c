@@ -188,7 +188,8 @@ static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, int64
  * the first impact. */
 double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
   const double MOST = 1024;
-  const double steps = p->planes_count ? p->span / 14 / h : fmin(MOST, p->span / 120 / h);
+  const double steps =
+      p->planes_count ? p->span / MS_TRIALS_AT_PLANES / h : fmin(MOST, p->span / 120 / h);
   return fmax(1, round(steps));
 }
 

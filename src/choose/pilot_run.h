@@ -68,7 +68,8 @@ double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *meth
  * steps themselves, as longer ones are much less accurate. */
 double ms_pilot_run_longest_to_locate(const ms_pilot_run *p, const ms_integrator *method);
 
-/* The number of steps of h in a trial */
+/* The number of steps of h in a trial: with planes this many trials would make a whole run. */
+#define MS_TRIALS_AT_PLANES 14.
 double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h);
 
 /* The factor by which the error of such a method is assumed to grow until the end of the run, apart

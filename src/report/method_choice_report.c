@@ -30,7 +30,7 @@ void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
                  "              at the cost of %.0f evaluations of the forces\n",
                  s->tol, s->pilot_time, s->pilot_time > 0 ? " from its end" : "", s->total_cost);
   for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
-  if (s->candidates[s->best].error_control && v->allowed > 0)
+  if (ms_choice_best(s)->error_control && v->allowed > 0)
     ms_text_append(out,
                    "              in substeps: frames keep the steps with which the run began\n");
   else if (v->allowed > 0)

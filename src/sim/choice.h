@@ -37,4 +37,8 @@ typedef struct ms_method_choice {
   ms_candidate candidates[MS_CANDIDATES];
 } ms_method_choice;
 
+static inline const ms_candidate *ms_choice_best(const ms_method_choice *choice) {
+  return &choice->candidates[choice->best];
+}
+
 #endif

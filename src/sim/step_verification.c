@@ -141,10 +141,6 @@ msim_status ms_step_verification_measure(msim_sim *sim, const ms_scales *scales,
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
-static const ms_candidate *chosen(const msim_sim *sim) {
-  return &sim->config.choice.candidates[sim->config.choice.best];
-}
-
 enum { LARGE = 64 }; /* particles: in a larger island a single event adds little to the error */
 
 /* 1: the events of the step just made require verification: many particles bounced, or the error of
@@ -167,7 +163,9 @@ static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign
   const int is_large = m->model.shape.n >= LARGE;
   const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
   const double *seen = m->verification.indicator;
-  const int64_t every = is_large ? WORTH : (int64_t)ceil(WORTH / fmax(1, chosen(sim)->step_cost));
+  const int64_t every =
+      is_large ? WORTH
+               : (int64_t)ceil(WORTH / fmax(1, ms_choice_best(&sim->config.choice)->step_cost));
   const int computes_indicators = is_scheduled || step % every == 0;
   sign[DEFECT] = sign[TURN] = 0;
   if (computes_indicators)
@@ -250,7 +248,7 @@ static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, 
   ms_stepper_swap(&s->v, &s->v_next);
   s->cached_stage_next =
       0; /* error control treats contacts differently from methods that replay impacts */
-  m->verification.substep = c.h < h || chosen(sim)->error_control ? c.h : 0;
+  m->verification.substep = c.h < h || ms_choice_best(&sim->config.choice)->error_control ? c.h : 0;
   return status;
 }
 
@@ -278,7 +276,7 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   const int64_t contacts = s->stats->contacts;
   const double usual = sim->config.choice.verification.allowed;
   double error = INFINITY, sign[2] = {0};
-  if (check->substep > 0 || chosen(sim)->error_control)
+  if (check->substep > 0 || ms_choice_best(&sim->config.choice)->error_control)
     return make_step_in_substeps(sim, m, moved, err);
   msim_status status = ms_island_step_make_substeps(sim, sim->config.integrator, s, 1, err);
   if (status && !ms_island_step_may_retry(status)) return status;
@@ -301,7 +299,6 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   if (!(error <= enough)) {
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
-    check->substep = s->h;
     return make_step_in_substeps(sim, m, moved, err);
   }
   add_up_error(sim, m, error);

@@ -74,8 +74,8 @@ typedef struct ms_island_verification {
 /* Verification of the whole run */
 typedef struct ms_step_verification {
   ms_scales scales; /* of the scene */
-  double allowed;   /* difference from half steps that is allowed; 0: steps are not verified; more,
-                          if the method has error control: all steps are made in substeps */
+  double allowed;   /* difference from half steps that is allowed; 0: steps are not verified. Not 0
+                       where a method with error control makes all steps in substeps */
   double error_sum; /* of an island that leads to tol at the end of the run; 0: any is allowed */
   int only_events;  /* 1: steps are verified for their events alone */
   double indicator[2];      /* indicators of steps at the choice */
