@@ -113,8 +113,9 @@ static inline void ms_stepper_swap(double **a, double **b) {
  * Newton's method depend, after the method, springs or forces changed. */
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 
-/* Copies x, with its pinned positions, to a work vector that will hold positions of stages. */
-void ms_stepper_init_stage(const ms_stepper *s, double *stage);
+/* Copies the state, pinned particles included, to work vectors that will hold stages, as another
+ * method may have left other values there. v: NULL if the method has no stages of velocities */
+void ms_stepper_init_stage(const ms_stepper *s, double *x, double *v);
 
 /* work_in_step += weight h times the power of moving pins in x, v at t + c h, v NULL: without
  * damping; and that of the force function at velocities v, as the last force sweep evaluated it */

@@ -12,8 +12,9 @@ void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
     s->bounds = ms_bounds_compute_island(s->model);
 }
 
-void ms_stepper_init_stage(const ms_stepper *s, double *stage) {
-  ms_vector_copy_all(s->model->state_shape, s->x, stage);
+void ms_stepper_init_stage(const ms_stepper *s, double *x, double *v) {
+  ms_vector_copy_all(s->model->state_shape, s->x, x);
+  if (v) ms_vector_copy_all(s->model->state_shape, s->v, v);
 }
 
 int ms_stepper_has_contacts(const ms_stepper *s) {

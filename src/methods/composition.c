@@ -6,7 +6,7 @@
 
 enum { STAGE = 2 };
 
-void ms_composition_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[STAGE]); }
+void ms_composition_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[STAGE], NULL); }
 
 /* The quintic with x, v and a of both ends, and its derivative, at t = theta */
 static void interpolate_quintic(const ms_stepper *s, double t, const double *const ends[6],

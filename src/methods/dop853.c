@@ -142,7 +142,7 @@ static void dop853_dense_entry(ms_stepper *s, size_t at, ms_bernstein *to) {
   double *k[STAGES];
   if (s->dense_output < DENSE_STAGES_AT) {
     double **stage = s->events->stage;
-    ms_stepper_init_stage(s, stage[0]);
+    ms_stepper_init_stage(s, stage[0], NULL);
     evaluate_dense_stages(s, s->cached_stage_next, s->x, s->v, stage[0], stage[1]);
   }
   find_slopes(s, s->dense_output == DENSE_STAGES_AT, k);

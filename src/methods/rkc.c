@@ -76,7 +76,7 @@ static chebyshev_recurrence begin_recurrence(int32_t stages) {
 
 enum { A0, X, V }; /* work vectors */
 
-static void rkc_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[X]); }
+static void rkc_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[X], s->work[V]); }
 
 static msim_status rkc_step(ms_stepper *s, msim_error *err) {
   (void)err;

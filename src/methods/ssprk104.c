@@ -23,7 +23,7 @@ typedef struct stage {
   double *x, *v;
 } stage;
 
-static void ssprk104_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[X]); }
+static void ssprk104_start(ms_stepper *s) { ms_stepper_init_stage(s, s->work[X], s->work[V]); }
 
 /* to = from + length f(Y_i), and the part of stage i in the error estimate */
 static void advance_stage(ms_stepper *s, int i, const double *x, const double *v, stage from,

@@ -118,7 +118,7 @@ static void takahashi_imada_start(ms_stepper *s) {
   const ms_shape shape = s->model->state_shape;
   ms_vector_copy_all(shape, s->x, s->work[X0]);
   ms_vector_copy_all(shape, s->v, s->work[V0]);
-  ms_stepper_init_stage(s, s->work[STAGE]);
+  ms_stepper_init_stage(s, s->work[STAGE], NULL);
   if (!invert_conversion(s)) {
     ms_vector_copy_all(shape, s->work[X0], s->x);
     ms_vector_copy_all(shape, s->work[V0], s->v);
