@@ -158,6 +158,13 @@ static inline msim_state state_of(msim_sim *sim) {
 }
 
 /* x and v are the same to the bit. */
+/* The largest difference of n numbers */
+static inline double largest_difference(const double *x, const double *y, int n) {
+  double most = 0;
+  for (int i = 0; i < n; i++) most = fmax(most, fabs(x[i] - y[i]));
+  return most;
+}
+
 static inline void expect_same_motion(msim_sim *a, msim_sim *b) {
   const msim_state s = state_of(a), t = state_of(b);
   assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);

@@ -170,24 +170,6 @@ static void a_tol_near_rounding_is_extrapolated(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* The bound on damping holds in every state, so that its limit of stability for dop853 is loose in
- * most: error control is tried, and takes longer steps. */
-static void error_control_exceeds_the_limit_of_damping(void **state) {
-  (void)state;
-  msim_scene *scene = hanging_cloth(12, 1000, 1);
-  const msim_options opt = options_of("auto", 3e-4, 0.5);
-  msim_sim *sim = make_sim(scene, &opt);
-  const ms_candidate *fixed = sim->config.choice.candidates, *controlled;
-  while (strcmp(fixed->method->entry.name, "dop853") != 0) fixed++;
-  controlled = fixed + 1;
-  print_message("  %s chosen, dop853: h = %.3g, with error control %.3g\n", name_of(sim), fixed->h,
-                controlled->h);
-  assert_true(controlled->error_control && controlled->tried && !fixed->tried);
-  assert_true(controlled->h > 1.5 * fixed->h);
-  msim_sim_destroy(sim);
-  msim_scene_destroy(scene);
-}
-
 /* If forces begin to depend on velocities, another method is chosen. */
 static void set_springs_make_a_new_choice(void **state) {
   (void)state;
@@ -354,7 +336,6 @@ int main(void) {
                                      cmocka_unit_test(it_needs_no_options),
                                      cmocka_unit_test(a_set_state_makes_a_new_choice),
                                      cmocka_unit_test(a_tol_near_rounding_is_extrapolated),
-                                     cmocka_unit_test(error_control_exceeds_the_limit_of_damping),
                                      cmocka_unit_test(set_springs_make_a_new_choice),
                                      cmocka_unit_test(it_chooses_the_steps),
                                      cmocka_unit_test(impacts_are_located_where_asked),

@@ -11,7 +11,7 @@ static msim_scene *rope(void) { return swinging_rope(32, 1e4, 0); }
 static const ms_candidate *find_controlled(const msim_sim *sim, const char *method) {
   for (int i = 0; i < MS_CANDIDATES; i++) {
     const ms_candidate *c = &sim->config.choice.candidates[i];
-    if (c->error_control && !strcmp(c->method->entry.name, method)) return c;
+    if (c->control_tol > 0 && !strcmp(c->method->entry.name, method)) return c;
   }
   return NULL;
 }

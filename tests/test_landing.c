@@ -282,7 +282,7 @@ static void check_located_steps(const msim_sim *sim) {
   const double omega = ms_bounds_compute_island(&sim->islands[0].model).omega;
   for (const ms_candidate *c = s->candidates; c < s->candidates + MS_CANDIDATES; c++) {
     const double limit = ms_impact_location_longest_step(c->method, omega);
-    if (c->error_control || c->collision != MSIM_COLLISION_EVENT || limit == 0) continue;
+    if (c->control_tol > 0 || c->collision != MSIM_COLLISION_EVENT || limit == 0) continue;
     assert_true(c->h <= limit);
   }
 }

@@ -18,12 +18,6 @@ static msim_sim *run(const msim_scene *scene, const char *method, double T, int 
   return sim;
 }
 
-static double largest_difference(const double *x, const double *y, int n) {
-  double most = 0;
-  for (int i = 0; i < n; i++) most = fmax(most, fabs(x[i] - y[i]));
-  return most;
-}
-
 /*------------------------------------- closed forms ---------------------------------------------*/
 
 /* In the frame of a table, with and without friction, at rest and in uniform motion, a particle

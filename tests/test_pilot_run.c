@@ -124,8 +124,13 @@ static void error_control_starts_late(void **state) {
     fall f;
     set_up(impact ? 1e-3 * z : z, 0, &f);
     assert_int_equal(f.run.planes_count, impact);
-    assert_ok(ms_pilot_run_set_late(&f.run, f.sim, err));
-    assert_close(state_of(f.sim).x[2], (impact ? f.run.middle : f.run.end).x[2], 0);
+    const ms_trial trial = {
+        .method = &ms_dop853, .collision = MSIM_COLLISION_EVENT, .tol = 1e-3, .h = STEP};
+    msim_sim *sim;
+    assert_ok(ms_pilot_run_start_late(&f.run, &trial, &sim, err));
+    assert_close(state_of(sim).x[2], (impact ? f.run.middle : f.run.end).x[2], 0);
+    assert_close(sim->run.control.tol, 1e-3, 0);
+    assert_close(sim->run.control.span, f.run.span, 0);
     tear_down(&f);
   }
 }
@@ -137,7 +142,7 @@ enum { PATHS = 2 * 2 * 80 };
 /* A trial ends with the first of its steps of h that exceeds the evaluations it may take. */
 static void expensive_trials_end(void **state) {
   (void)state;
-  const ms_trial whole = {&ms_velocity_verlet, MSIM_COLLISION_EVENT, 2, STEP, 0};
+  const ms_trial whole = {&ms_velocity_verlet, MSIM_COLLISION_EVENT, 2, 0, STEP, 0};
   double error, step_cost;
   fall f;
   set_up(1e-3, 0, &f);

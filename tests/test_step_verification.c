@@ -113,8 +113,7 @@ static double error_of(const msim_scene *scene, double tol, double t_end) {
   assert_ok(msim_sim_run(sim, NULL, NULL, err));
   assert_ok(msim_sim_run(other, NULL, NULL, err));
   const msim_state s = state_of(sim), t = state_of(other);
-  double most = 0;
-  for (int32_t i = 0; i < 3 * s.n; i++) most = fmax(most, fabs(s.x[i] - t.x[i]));
+  const double most = largest_difference(s.x, t.x, 3 * s.n);
   print_message("  tol %.0e  %-15s error/tol %.2g, %lld evaluations, %lld steps rejected\n", tol,
                 sim->config.integrator->entry.name, most / tol,
                 (long long)stats_of(sim).force_evaluations,

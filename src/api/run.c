@@ -55,7 +55,7 @@ msim_status msim_sim_set_state(msim_sim *sim, const msim_state *state, msim_erro
 static msim_status choose_for_planes(msim_sim *sim, const msim_state *now, msim_error *err) {
   msim_status status = ms_method_choice_make(sim, 1, now, err);
   if (status) return status;
-  if (!ms_choice_best(&sim->config.choice)->error_control)
+  if (ms_choice_best(&sim->config.choice)->control_tol == 0)
     sim->config.choice.substeps = (int64_t)fmax(1, ceil(sim->run.h / sim->config.opt.h - 1e-9));
   sim->config.opt.h = sim->run.h;
   return MSIM_OK;

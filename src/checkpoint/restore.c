@@ -47,13 +47,12 @@ static void check_choice(ms_archive *b, const msim_sim *sim, const ms_saved_run 
                    "tol or collision of the choice of a method");
   if (ms_archive_failed(b)) return;
   const ms_candidate *best = ms_choice_best(there);
-  const int controlled = best->error_control;
   ms_archive_check(
       b,
       best->precision == MSIM_PRECISION_DOUBLE ||
           (here->precision == MSIM_PRECISION_AUTO && !ms_precision_find_obstacle(sim->scene)),
       "the precision");
-  ms_archive_check(b, r->tol == 0 || (controlled && r->tol == there->tol), "tol");
+  ms_archive_check(b, r->tol == 0 || r->tol == best->control_tol, "tol");
   ms_archive_check(b, r->first_h > 0, "the step");
 }
 

@@ -6,15 +6,15 @@
 #include "methods/methods.h"
 #include "linear/iteration_estimate.h"
 #include "sim/step_driver.h"
+#include "choose/control_trial.h"
 #include "choose/multirate_trial.h"
 #include "choose/pilot_run.h"
 #include "choose/precision_choice.h"
 #include "choose/rejection_reasons.h"
 #include "choose/verification_setup.h"
 
-/* The impacts of so many particles are few enough to be located one by one; steps that show what
- * error control costs where no plane counts: the lengths of 6 and of 16 differ by 2 to 6 % */
-enum { FEW = 4, CONTROLLED_STEPS = 6 };
+/* The impacts of so many particles are few enough to be located one by one. */
+enum { FEW = 4 };
 
 /* Steps with impacts cost so many times as much where two half steps verify each one. */
 static const double EVENT_COST = 3;
@@ -29,6 +29,8 @@ enum {
   EIGHTH,
   ERROR_CONTROLLED,
   DAMPING_CONTROLLED,
+  ERROR_RELAXED,
+  DAMPING_RELAXED,
   MULTIRATE,
   IMPLICIT
 };
@@ -37,7 +39,8 @@ enum {
  * else [1]; 0: measured. first: evaluations at the first state, if there are many. The leapfrog
  * stands for all explicit methods of order 2. Evaluations of dop853 count 13/12-fold, as it forms
  * so many sums; those of rkc follow from h. ssprk104 is for steps that damping limits, of which
- * error control makes longer ones than bounds on damping allow. tr-bdf2 damps what long steps
+ * error control makes longer ones than bounds on damping allow; relaxed: with a larger tolerance
+ * (control_trial.h). tr-bdf2 damps what long steps
  * cannot resolve; implicit methods that do not damp it have to resolve it, and take no longer steps
  * than explicit ones. */
 static const struct {
@@ -54,6 +57,8 @@ static const struct {
     [EIGHTH] = {{&ms_dop853, &ms_dop853}, {13, 13}},
     [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853}, {13, 13}},
     [DAMPING_CONTROLLED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}},
+    [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853}, {13, 13}},
+    [DAMPING_RELAXED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}},
     [MULTIRATE] = {{&ms_respa, &ms_respa}, {0}},
     [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}}};
 
@@ -65,8 +70,10 @@ static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
   return candidate_list[i].method[p->damped || (i == LEAPFROG_METHOD && (p->mid_run || !p->many))];
 }
 
+static int is_relaxed(int i) { return i == ERROR_RELAXED || i == DAMPING_RELAXED; }
+
 static int is_controlled(int i) {
-  return i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED || i == IMPLICIT;
+  return i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED || i == IMPLICIT || is_relaxed(i);
 }
 
 static int find_rejection(const ms_pilot_run *p, int i) {
@@ -78,9 +85,14 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   if (i == LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
   if (i == TAKAHASHI_IMADA && planes) return MS_REASON_NO_PLANES;
   if ((i == TAKAHASHI_IMADA || i == SIXTH) && p->damped) return MS_REASON_DAMPED;
-  if ((i == STABILISED || i == DAMPING_CONTROLLED) && !p->damped) return MS_REASON_UNDAMPED;
-  if (i == DAMPING_CONTROLLED && planes) return MS_REASON_TRIAL_TOO_EXPENSIVE;
-  if (i == DAMPING_CONTROLLED && p->bounds.rate < p->bounds.omega) return MS_REASON_WEAKLY_DAMPED;
+  const int for_damping = i == DAMPING_CONTROLLED || is_relaxed(i);
+  if ((i == STABILISED || for_damping) && !p->damped) return MS_REASON_UNDAMPED;
+  if (for_damping && planes) return MS_REASON_TRIAL_TOO_EXPENSIVE;
+  if (for_damping && !ms_pilot_run_is_limited_by_damping(p)) return MS_REASON_WEAKLY_DAMPED;
+  if (is_relaxed(i) && !ms_control_trial_may_relax(p)) return MS_REASON_NOT_RELAXED;
+  if ((i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED) && ms_control_trial_may_relax(p) &&
+      !p->few)
+    return MS_REASON_RELAXED;
   if (i == STABILISED && ms_pilot_run_stable_step(p, &ms_rkc) == 0) return MS_REASON_NEVER_STABLE;
   if (!p->many && !planes && !ms_control_is_supported(candidate_method(p, i)))
     return MS_REASON_UNVERIFIED;
@@ -107,19 +119,27 @@ static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
   if (ms_verification_setup_is_for_events(p, c)) c->cost_rate *= EVENT_COST;
 }
 
-/* The limit of stability that damping sets holds in every state; in most, error control takes steps
- * two to three times as long. */
+/* 1: error control exceeds the limit of stability by MS_LOOSE in most states. */
 static int is_limit_loose(const ms_pilot_run *p) { return p->damped && !p->planes_count; }
 
-/* The cost, and for an untried method 4 times that of its trial, which consists of m steps, 2 m
+/* The cost, and for an untried method 4 times that of its trial, with fixed steps m of them, 2 m
  * half steps and two starts: most savings turn out smaller than they seem. Error control is tried
  * first, as it keeps tol wherever the motion becomes rougher. */
 static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c) {
   if (c->tried || (is_controlled(i) && !is_limit_loose(p))) return c->cost_rate;
-  if (is_controlled(i)) return c->cost_rate + 4 * CONTROLLED_STEPS * c->step_cost / p->span;
-  const double trial =
-      3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) + 2 * candidate_list[i].first;
+  const double trial = is_controlled(i) ? ms_control_trial_steps(p, c) * c->step_cost
+                                        : 3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) +
+                                              2 * candidate_list[i].first;
   return c->cost_rate + 4 * trial / p->span;
+}
+
+/* Set the longest step, which gives a lower bound on the cost. */
+static void set_longest_step(const ms_pilot_run *p, int i, ms_candidate *c) {
+  const double LOOSE = is_limit_loose(p) ? MS_LOOSE : 1;
+  const int located = c->collision == MSIM_COLLISION_EVENT;
+  if (is_controlled(i)) c->h = fmin(LOOSE * ms_pilot_run_stable_step(p, c->method), p->span / 10);
+  else c->h = located ? longest_to_locate(p, c->method) : longest_trial_step(p, c->method);
+  set_cost(p, i, c);
 }
 
 static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
@@ -128,16 +148,12 @@ static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
       controlled ? ms_scene_has_obstacles(p->sim->scene) : p->planes_count && i != LEAPFROG_METHOD;
   *c = (ms_candidate){.method = candidate_method(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
-                      .error_control = controlled,
+                      .control_tol = controlled * (is_relaxed(i) ? MS_RELAXED : 1) * p->tol,
                       .step_cost = candidate_list[i].evaluations[p->damped],
                       .cost_rate = INFINITY,
                       .rejection = find_rejection(p, i)};
   if (ms_precision_choice_allows(p, c)) c->precision = MSIM_PRECISION_SINGLE;
-  if (c->step_cost == 0 || c->rejection) return;
-  const double LOOSE = is_limit_loose(p) ? 2.5 : 1;
-  if (controlled) c->h = fmin(LOOSE * ms_pilot_run_stable_step(p, c->method), p->span / 10);
-  else c->h = located ? longest_to_locate(p, c->method) : longest_trial_step(p, c->method);
-  set_cost(p, i, c);
+  if (c->step_cost > 0 && !c->rejection) set_longest_step(p, i, c);
 }
 
 /* verlet has the positions of velocity Verlet. Reflection at the ends of steps is of order 1. */
@@ -166,15 +182,6 @@ static msim_status measure_error(ms_pilot_run *p, double least, ms_candidate *c,
   return status;
 }
 
-/* After a trial that cost more than the others are expected to: `least`. They may turn out more
- * expensive by far, above all where impacts determine errors: beyond twice that the method is tried
- * again. */
-static void postpone(double least, ms_candidate *c) {
-  c->rejection = MS_REASON_COSTS_MORE;
-  c->cost_rate = 2 * least;
-  c->error = 0;
-}
-
 /* Find the step whose error is tol: errors go like h^k once they are small (ROUGH). A step that is
  * more than twice as long or as short as the one tried has to be tried itself. The first trial,
  * mostly of the longest stable step, contains errors of fast modes that fall faster than h^k: with
@@ -187,7 +194,7 @@ static msim_status try_candidate_step(ms_pilot_run *p, int i, double least, ms_c
   const double k = make_trial(p, c).order, h = c->h;
   const int may_fall_faster = c->error == 0 && k == 4 && !p->planes_count;
   msim_status status = measure_error(p, least, c, err);
-  if (c->rejection) postpone(least, c);
+  if (c->rejection) ms_control_trial_postpone(least, c);
   if (status || c->rejection) return status;
   const double rounding = p->scales.rounding * p->span / (h * sqrt(ms_pilot_run_trial_steps(p, h)));
   const double ratio = p->tol / c->error,
@@ -202,68 +209,19 @@ static msim_status try_candidate_step(ms_pilot_run *p, int i, double least, ms_c
   return MSIM_OK;
 }
 
-/* Run `trial` under error control from its present state to t, or until it has spent `most`
- * evaluations or made so many steps, of which the first does not count unless it is the only one:
- * the controller mostly rejects a few lengths before it. tol and scales are those of the whole
- * run. */
-static msim_status run_trial(ms_pilot_run *p, msim_sim *trial, double t, double most, double steps,
-                             ms_candidate *c, msim_error *err) {
-  double work = 0, time = 0, before = 0; /* time and work: in all; before the second step */
-  msim_status status = MSIM_OK;
-  ms_step_driver_set_span(trial, p->span);
-  while (!status && trial->run.t < t && (double)trial->run.step < steps && work < most) {
-    if (trial->run.step == 1 && steps < INFINITY) time = trial->run.t, before = work;
-    status = ms_sim_make_steps(trial, 1, err);
-    work = ms_pilot_run_count_work(trial);
-  }
-  p->cost += work;
-  if (status < 0 || trial->run.step == 0) return status < 0 ? status : MSIM_OK;
-  if (trial->run.step == 1) time = before = 0;
-  const double counted = (double)trial->run.step - (time > 0);
-  c->h = (trial->run.t - time) / counted;
-  c->step_cost = (work - before) / counted;
-  return MSIM_OK;
-}
-
-/* The factor by which error control will shorten its steps of h, as E/h ~ C h^k and C grows: by
- * g^(1/k); 1 at the limit of stability, `longest`, where other errors than those of the motion
- * decide. */
-static double later_shortening(const ms_pilot_run *p, const ms_candidate *c, double longest) {
-  const double NEAR = 0.8;
-  if (c->h > NEAR * longest) return 1;
-  return pow(p->step_growth, 1 / ms_control_make(c->method, p->tol, p->span).order);
-}
-
-/* The method under error control from the end of the pilot run, or an impact, over a quarter of its
- * length, or as long as it costs less than the best candidate so far would there; without planes
- * its first steps are sufficient. In a run that has begun the pilot run is short, and ends at the
- * first of many impacts: there it is tried as far as fixed steps are.
- * Evaluations of dop853 count more, as in `candidate_list`. */
-static msim_status try_controlled(ms_pilot_run *p, int i, double least, ms_candidate *c,
-                                  msim_error *err) {
-  const double SUMS = i == ERROR_CONTROLLED ? 13. / 12 : 1;
-  const double t = p->mid_run ? p->span / MS_TRIALS_AT_PLANES : fmax(p->duration, p->span / 16) / 4;
-  const double steps = p->planes_count ? INFINITY : CONTROLLED_STEPS, longest = c->h;
-  msim_sim *trial;
-  msim_status status = ms_pilot_run_create_sim(p, c->method, p->tol, fmin(c->h, t), &trial, err);
-  if (status) return status;
-  status = ms_pilot_run_set_late(p, trial, err);
-  if (!status) status = run_trial(p, trial, t, least * t / SUMS, steps, c, err);
-  const int arrived = trial->run.t >= t || (double)trial->run.step >= steps;
-  msim_sim_destroy(trial);
-  c->step_cost *= SUMS;
-  c->cost_rate = c->step_cost / c->h * later_shortening(p, c, longest);
-  c->tried = arrived;
-  if (!arrived) postpone(least, c);
-  return status;
-}
-
 /* Where nothing but the motion decides on steps, fixed ones of dop853 cost little less than those
  * of h that its error control has chosen: mostly they need not be tried. */
 static void expect_fixed_steps(const ms_pilot_run *p, double h, ms_candidate *fixed) {
   if (p->planes_count || fixed->tried || fixed->rejection) return;
   fixed->h = fmin(fixed->h, h / 0.8);
   set_cost(p, EIGHTH, fixed);
+}
+
+/* The relaxed candidate i does not keep tol: the method with tol is one. */
+static void admit_with_tol(const ms_pilot_run *p, int i, ms_candidate *c) {
+  const int with_tol = i == ERROR_RELAXED ? ERROR_CONTROLLED : DAMPING_CONTROLLED;
+  c[with_tol].rejection = MS_REASON_NONE;
+  set_longest_step(p, with_tol, &c[with_tol]);
 }
 
 static int most_promising(const ms_pilot_run *p, const ms_candidate *c) {
@@ -301,9 +259,10 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
     const int i = s->best;
     const double least = least_tried_cost(p, i, c);
     c[i].rejection = MS_REASON_NONE;
-    status = is_controlled(i) ? try_controlled(p, i, least, &c[i], err)
+    status = is_controlled(i) ? ms_control_trial_make(p, least, &c[i], err)
                               : try_candidate_step(p, i, least, &c[i], &most[i], err);
     if (i == ERROR_CONTROLLED) expect_fixed_steps(p, c[i].h, &c[EIGHTH]);
+    if (is_relaxed(i) && c[i].rejection == MS_REASON_ERROR_TOO_LARGE) admit_with_tol(p, i, c);
     c[i].tried |= ++tries[i] == PATIENCE;
     if (c[i].tried && c[i].rejection) c[i].cost_rate = INFINITY;
   }
@@ -317,7 +276,7 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
 
 static int is_limited_by_stability(const ms_pilot_run *p, const ms_candidate *c) {
   const double reach = ms_pilot_run_stable_step(p, c->method);
-  return c->error_control ? c->h > reach / 2 : c->h == reach;
+  return c->control_tol > 0 ? c->h > reach / 2 : c->h == reach;
 }
 
 /* Evaluations of a step of tr-bdf2, which is made whole and in two halves, of two stages each,
@@ -346,7 +305,7 @@ static msim_status consider_implicit(ms_pilot_run *p, const ms_candidate *best, 
   msim_status status = ms_pilot_run_create_sim(p, c->method, p->tol, p->span / 100, &trial, err);
   if (status) return status;
   status = ms_pilot_run_set_start(p, trial, err);
-  if (!status) status = run_trial(p, trial, p->span, most, INFINITY, c, err);
+  if (!status) status = ms_control_trial_run(p, trial, p->span, most, INFINITY, c, err);
   const int arrived = trial->run.t >= p->span;
   if (arrived) c->cost_rate = c->step_cost / c->h;
   c->rejection = arrived ? MS_REASON_NONE : MS_REASON_RUN_NOT_FINISHED;
@@ -386,7 +345,7 @@ static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_erro
 
 /* Rounding may be larger than tol, and the number of trials is limited. */
 static void warn_of_error(const msim_sim *sim, const ms_candidate *c, double tol) {
-  if (c->error_control || !(c->error > 10 * tol)) return;
+  if (c->control_tol > 0 || !(c->error > 10 * tol)) return;
   ms_sim_warn(sim,
               "integrator 'auto': none of the methods tried keeps tol = %g in this scene; the "
               "error of the chosen one, %s, may reach %.2g; use a larger tol",
@@ -403,7 +362,7 @@ static void use_choice(msim_sim *sim, const ms_pilot_run *p, const ms_method_cho
   sim->config.choice.out_of_date = 1;
   sim->config.integrator = c->method;
   sim->config.opt.integrator = c->method->entry.name;
-  sim->config.opt.tol = c->error_control && !p->mid_run ? s->tol : 0;
+  sim->config.opt.tol = p->mid_run ? 0 : c->control_tol;
   sim->config.opt.h = fmin(c->h, reach);
   sim->config.opt.collision = c->collision;
   sim->config.opt.precision = c->precision;
@@ -433,15 +392,16 @@ static void archive_candidate(ms_archive *b, int i, ms_candidate *c) {
   int32_t which = c->method == candidate_list[i].method[1];
   MS_ARCHIVE_TRANSFER(b, which);
   c->method = candidate_list[i].method[which != 0];
-  double *numbers[] = {&c->step_cost, &c->cost_rate, &c->h, &c->error};
-  int *flags[] = {&c->error_control, &c->tried, &c->rejection};
-  for (int k = 0; k < 4; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
-  for (int k = 0; k < 3; k++) MS_ARCHIVE_TRANSFER(b, *flags[k]);
+  double *numbers[] = {&c->step_cost, &c->cost_rate, &c->h, &c->error, &c->control_tol};
+  int *flags[] = {&c->tried, &c->rejection};
+  for (int k = 0; k < 5; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);
+  for (int k = 0; k < 2; k++) MS_ARCHIVE_TRANSFER(b, *flags[k]);
   MS_ARCHIVE_TRANSFER(b, c->collision);
   MS_ARCHIVE_TRANSFER(b, c->precision);
   ms_archive_check(
       b,
-      c->rejection >= 0 && c->rejection < MS_REASON_COUNT && c->error_control == is_controlled(i) &&
+      c->rejection >= 0 && c->rejection < MS_REASON_COUNT &&
+          (c->control_tol > 0) == is_controlled(i) &&
           (c->collision == MSIM_COLLISION_REFLECT || c->collision == MSIM_COLLISION_EVENT) &&
           (c->precision == MSIM_PRECISION_DOUBLE || ms_precision_choice_takes(c)),
       "the choice of a method");

@@ -36,6 +36,45 @@ static msim_status find_cheapest_step(const ms_pilot_run *p, int64_t *n, double 
   return status;
 }
 
+/* Make 2 n steps from the start; copy the states in their middle and at their end, or find their
+ * distances from those copied. */
+static msim_status run_from_start(ms_pilot_run *p, msim_sim *sim, int64_t n, double *distances,
+                                  msim_error *err) {
+  const ms_pilot_state *states[] = {&p->coarse_middle, &p->coarse_end};
+  msim_status status = ms_pilot_run_set_start(p, sim, err);
+  for (int i = 0; i < 2 && !status; i++) {
+    status = ms_sim_make_steps(sim, n, err);
+    if (distances) distances[i] = ms_pilot_run_find_distance(p, sim, states[i]);
+    else ms_pilot_run_copy_state(p, sim, states[i]);
+  }
+  p->cost += ms_pilot_run_count_work(sim);
+  return status;
+}
+
+/* The error at the end of the run of these fixed steps, by 2 n of them from its start and by twice
+ * as many of half the length; INFINITY: such steps fail.
+ *   E(T) = E(t) (T/t)^k,  k = log2(E(t)/E(t/2)) >= 1,  t = 2 n h: length of the trial */
+static msim_status try_from_start(ms_pilot_run *p, const ms_trial *of, int64_t n, double *error,
+                                  double *step_cost, msim_error *err) {
+  const double halving = ldexp(1, of->order), t = 2 * (double)n * of->h;
+  double distance[2] = {INFINITY, INFINITY};
+  msim_status status = MSIM_OK;
+  for (int halved = 0; halved < 2 && !status; halved++) {
+    const int64_t steps = halved ? 2 * n : n;
+    const double before = p->cost;
+    msim_sim *sim;
+    status = ms_pilot_run_create_sim(p, of->method, 0, halved ? of->h / 2 : of->h, &sim, err);
+    if (status) return status;
+    status = run_from_start(p, sim, steps, halved ? distance : NULL, err);
+    if (!halved) *step_cost = (p->cost - before) / (2 * (double)n);
+    msim_sim_destroy(sim);
+  }
+  const double power = fmax(1, log2(distance[1] / fmax(distance[0], p->scales.rounding)));
+  *error = halving / (halving - 1) * distance[1] * pow(p->span / t, power);
+  if (status || !(*error < INFINITY)) *error = INFINITY;
+  return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
+}
+
 /* Halve steps until their error is tol, as predicted by order 2. */
 msim_status ms_multirate_trial_make(ms_pilot_run *p, double least, ms_candidate *c,
                                     msim_error *err) {
@@ -50,7 +89,7 @@ msim_status ms_multirate_trial_make(ms_pilot_run *p, double least, ms_candidate 
                             .collision = MSIM_COLLISION_REFLECT,
                             .order = c->method->entry.order,
                             .h = c->h};
-    status = ms_pilot_run_try_from_start(p, &steps, n, &c->error, &c->step_cost, err);
+    status = try_from_start(p, &steps, n, &c->error, &c->step_cost, err);
     c->error *= CARE;
     c->tried = c->error <= p->tol;
     c->rejection = c->tried ? MS_REASON_NONE : MS_REASON_ERROR_TOO_LARGE;

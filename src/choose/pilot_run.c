@@ -42,6 +42,10 @@ double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *meth
   return MS_STABLE_FRACTION * (method->limit ? method->limit(&p->bounds) : INFINITY);
 }
 
+int ms_pilot_run_is_limited_by_damping(const ms_pilot_run *p) {
+  return p->damped && p->bounds.rate >= p->bounds.omega;
+}
+
 /*------------------------------------- states ---------------------------------------------------*/
 
 static size_t component_count(const ms_pilot_run *p) {
@@ -57,12 +61,7 @@ static msim_state state_of(const ms_pilot_run *p, const ms_pilot_state *s) {
       .size = sizeof(msim_state), .n = p->sim->scene->nparticles, .x = s->x, .v = s->v};
 }
 
-msim_status ms_pilot_run_set_late(const ms_pilot_run *p, msim_sim *sim, msim_error *err) {
-  const msim_state late = state_of(p, p->planes_count && !p->mid_run ? &p->middle : &p->end);
-  return ms_sim_set_state(sim, &late, err);
-}
-
-static void copy_state(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *to) {
+void ms_pilot_run_copy_state(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *to) {
   msim_state now = {.size = sizeof now};
   msim_sim_state(sim, &now);
   memcpy(to->x, now.x, component_count(p) * sizeof *to->x);
@@ -71,7 +70,8 @@ static void copy_state(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_stat
 
 /* E^2 = 1/(2 m) sum_i m_i (|dx_i|^2/L^2 + |dv_i|^2/U^2), as in integrate/control.h, but weighted by
  * masses. With planes only dx counts, as a small delay of an impact changes v much. */
-static double error_distance(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *from) {
+double ms_pilot_run_find_distance(const ms_pilot_run *p, msim_sim *sim,
+                                  const ms_pilot_state *from) {
   const ms_scales *s = &p->scales;
   const double weight = p->planes_count ? 0 : 1 / s->speed;
   msim_state now = {.size = sizeof now};
@@ -86,49 +86,61 @@ static double error_distance(const ms_pilot_run *p, msim_sim *sim, const ms_pilo
 
 /*------------------------------------- one sim for all methods ----------------------------------*/
 
-/* The method with the most work vectors: the sim is built for it. */
+/* The method with the most work vectors: the sims are built for it. */
 static const ms_integrator *const widest = &ms_dop853;
 
-static msim_options options_of(const ms_pilot_run *p, const ms_integrator *method) {
+/* tol: of error control, over the whole run; 0: fixed steps */
+static msim_options options_of(const ms_pilot_run *p, const ms_integrator *method, double tol,
+                               double h) {
   msim_options opt = p->sim->config.opt;
   opt.size = sizeof opt;
   opt.integrator = method->entry.name;
   opt.collision = MSIM_COLLISION_REFLECT;
   opt.precision = MSIM_PRECISION_DOUBLE;
-  opt.tol = 0, opt.h = 1, opt.t_end = -1, opt.warn = NULL;
+  opt.tol = tol, opt.h = h, opt.t_end = tol > 0 ? p->span : -1, opt.warn = NULL;
   opt.watch = MSIM_WATCH_OFF;
   return opt;
 }
 
-static msim_status get_sim(ms_pilot_run *p, int32_t collision, msim_sim **sim, msim_error *err) {
+static msim_status get_sim(ms_pilot_run *p, const ms_trial *of, msim_sim **sim, msim_error *err) {
+  const int which = of->tol > 0 ? MS_CONTROLLED_SIM : of->collision;
   msim_scene scene = {.data = p->sim->scene};
-  msim_options opt = options_of(p, widest);
-  *sim = p->sims[collision];
+  msim_options opt = options_of(p, widest, of->tol, of->h);
+  *sim = p->sims[which];
   if (*sim) return MSIM_OK;
-  opt.collision = collision, opt.steps = 0;
+  opt.collision = of->collision;
+  if (of->tol == 0) opt.steps = 0;
   opt.newton_retries = 2; /* for memory of half steps */
   msim_status status = ms_sim_create(&scene, &opt, NULL, sim, err);
-  if (!status) p->sims[collision] = *sim;
+  if (!status) p->sims[which] = *sim;
   return status;
 }
 
 msim_status ms_pilot_run_create_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
                                     double h, msim_sim **sim, msim_error *err) {
   msim_scene scene = {.data = p->sim->scene};
-  msim_options opt = options_of(p, method);
-  opt.tol = tol, opt.h = h;
+  const msim_options opt = options_of(p, method, tol, h);
   return ms_sim_create(&scene, &opt, NULL, sim, err);
 }
 
 /* Set the sim to that state, and let it continue by another method. */
 static msim_status start_method(ms_pilot_run *p, const ms_trial *of, const msim_state *state,
                                 msim_sim **sim, msim_error *err) {
-  msim_status status = get_sim(p, of->collision, sim, err);
+  msim_status status = get_sim(p, of, sim, err);
   if (status) return status;
+  (*sim)->config.opt.tol = of->tol;
   ms_sim_switch_method(*sim, widest, of->h);
   status = ms_sim_set_state(*sim, state, err);
-  if (!status) ms_sim_switch_method(*sim, of->method, of->h);
-  return status;
+  if (status) return status;
+  ms_sim_switch_method(*sim, of->method, of->h);
+  if (of->tol > 0) ms_step_driver_start_control(*sim);
+  return MSIM_OK;
+}
+
+msim_status ms_pilot_run_start_late(ms_pilot_run *p, const ms_trial *of, msim_sim **sim,
+                                    msim_error *err) {
+  const msim_state late = state_of(p, p->planes_count && !p->mid_run ? &p->middle : &p->end);
+  return start_method(p, of, &late, sim, err);
 }
 
 const ms_model *ms_pilot_run_model(const ms_pilot_run *p) {
@@ -178,9 +190,9 @@ static msim_status compare_half_steps(ms_pilot_run *p, const ms_trial *of, int64
     int done;
     status = make_trial_steps(p, sim, halved ? 2 * m : m, most, &done, err);
     if (status || !done) return status;
-    if (!halved) copy_state(p, sim, &p->scratch);
+    if (!halved) ms_pilot_run_copy_state(p, sim, &p->scratch);
   }
-  *error = halving / (halving - 1) * error_distance(p, sim, &p->scratch);
+  *error = halving / (halving - 1) * ms_pilot_run_find_distance(p, sim, &p->scratch);
   return MSIM_OK;
 }
 
@@ -197,15 +209,45 @@ double ms_pilot_run_growth(const ms_pilot_run *p, int order) {
   return p->error_growth * (order == 2 && !p->planes_count ? 2 : 1);
 }
 
+/* The error at the end of the run if it is that after a trial of t seconds */
+static double extrapolate(const ms_pilot_run *p, int order, double t, double error) {
+  error *= ms_pilot_run_growth(p, order) * p->remaining / t;
+  return error < INFINITY ? error : INFINITY;
+}
+
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
                                     double *step_cost, msim_error *err) {
   const double before = p->cost;
   const int64_t m = (int64_t)ms_pilot_run_trial_steps(p, of->h);
   msim_status status = compare_half_steps(p, of, m, &p->end, error, err);
-  *error *= ms_pilot_run_growth(p, of->order) * p->remaining / ((double)m * of->h);
-  if (!(*error < INFINITY)) *error = INFINITY;
+  *error = extrapolate(p, of->order, (double)m * of->h, *error);
   *step_cost = (p->cost - before) / (3 * (double)m);
   return status;
+}
+
+msim_status ms_pilot_run_compare_end(ms_pilot_run *p, const ms_integrator *method,
+                                     const msim_state *end, int64_t n, double *error,
+                                     msim_error *err) {
+  const int order = method->entry.order;
+  const double halving = ldexp(1, order), t = end->t;
+  const ms_trial of = {.method = method,
+                       .collision = MSIM_COLLISION_REFLECT,
+                       .order = order,
+                       .h = t / (2 * (double)n)};
+  const msim_state from[] = {*end, state_of(p, &p->end)};
+  const int64_t steps[] = {MS_DECAY_STEPS, 2 * n + MS_DECAY_STEPS};
+  msim_sim *sim;
+  int done = 1;
+  *error = INFINITY;
+  for (int i = 0; i < 2; i++) {
+    msim_status status = start_method(p, &of, &from[i], &sim, err);
+    if (!status) status = make_trial_steps(p, sim, steps[i], INFINITY, &done, err);
+    if (status || !done) return status;
+    if (i == 0) ms_pilot_run_copy_state(p, sim, &p->scratch);
+  }
+  *error = extrapolate(p, order, t,
+                       halving / (halving - 1) * ms_pilot_run_find_distance(p, sim, &p->scratch));
+  return MSIM_OK;
 }
 
 msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, int n,
@@ -223,43 +265,6 @@ msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, int 
     if (status) steps[i].error = INFINITY;
   }
   return MSIM_OK;
-}
-
-/* Make 2 n steps from the start; copy the states in their middle and at their end, or find their
- * distances from those copied. */
-static msim_status run_from_start(ms_pilot_run *p, msim_sim *sim, int64_t n, double *distances,
-                                  msim_error *err) {
-  const ms_pilot_state *states[] = {&p->coarse_middle, &p->coarse_end};
-  msim_status status = ms_pilot_run_set_start(p, sim, err);
-  for (int i = 0; i < 2 && !status; i++) {
-    status = ms_sim_make_steps(sim, n, err);
-    if (distances) distances[i] = error_distance(p, sim, states[i]);
-    else copy_state(p, sim, states[i]);
-  }
-  p->cost += ms_pilot_run_count_work(sim);
-  return status;
-}
-
-/* E(T) = E(t) (T/t)^k, k = log2(E(t)/E(t/2)) >= 1; t = 2 n h: length of the trial, T: of the run */
-msim_status ms_pilot_run_try_from_start(ms_pilot_run *p, const ms_trial *of, int64_t n,
-                                        double *error, double *step_cost, msim_error *err) {
-  const double halving = ldexp(1, of->order), t = 2 * (double)n * of->h;
-  double distance[2] = {INFINITY, INFINITY};
-  msim_status status = MSIM_OK;
-  for (int halved = 0; halved < 2 && !status; halved++) {
-    const int64_t steps = halved ? 2 * n : n;
-    const double before = p->cost;
-    msim_sim *sim;
-    status = ms_pilot_run_create_sim(p, of->method, 0, halved ? of->h / 2 : of->h, &sim, err);
-    if (status) return status;
-    status = run_from_start(p, sim, steps, halved ? distance : NULL, err);
-    if (!halved) *step_cost = (p->cost - before) / (2 * (double)n);
-    msim_sim_destroy(sim);
-  }
-  const double power = fmax(1, log2(distance[1] / fmax(distance[0], p->scales.rounding)));
-  *error = halving / (halving - 1) * distance[1] * pow(p->span / t, power);
-  if (status || !(*error < INFINITY)) *error = INFINITY;
-  return status == MSIM_ERR_MEMORY ? status : MSIM_OK;
 }
 
 /*------------------------------------- the pilot run --------------------------------------------*/
@@ -289,7 +294,7 @@ static int continues_to_impact(const ms_pilot_run *p, const msim_sim *sim, doubl
 static void start_trials_at_impact(ms_pilot_run *p, msim_sim *sim, double began) {
   const ms_pilot_state before = p->scratch;
   p->scratch = p->end, p->end = before;
-  copy_state(p, sim, &p->middle);
+  ms_pilot_run_copy_state(p, sim, &p->middle);
   p->remaining = p->span - began;
 }
 
@@ -310,11 +315,11 @@ static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_e
     const int64_t of_part = part - n % part, of_half = half - n % half,
                   steps = of_part < of_half ? of_part : of_half;
     if (n % part == 0) began = p->duration;
-    if (n % part == 0) copy_state(p, sim, &p->scratch);
+    if (n % part == 0) ms_pilot_run_copy_state(p, sim, &p->scratch);
     status = make_pilot_steps(p, sim, steps, err);
     n += steps;
-    if (n == half) copy_state(p, sim, &p->middle);
-    if (n == 2 * half) copy_state(p, sim, &p->end), flown = p->duration;
+    if (n == half) ms_pilot_run_copy_state(p, sim, &p->middle);
+    if (n == 2 * half) ms_pilot_run_copy_state(p, sim, &p->end), flown = p->duration;
   }
   p->cost += ms_pilot_run_count_work(sim);
   p->planes_count |= p->met_plane;
@@ -334,10 +339,9 @@ static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error
   msim_status status = compare_half_steps(p, step, 1, &p->middle, &before, err);
   if (!status) status = compare_half_steps(p, step, 1, &p->end, &now, err);
   if (status) return status;
-  const int is_strongly_damped = p->bounds.rate > p->bounds.omega;
   const double ratio = now / fmax(before, p->scales.rounding);
   p->step_growth = fmax(1, fmin(ratio, 4));
-  p->error_growth = pow(p->step_growth, is_strongly_damped ? 1 : 2);
+  p->error_growth = pow(p->step_growth, ms_pilot_run_is_limited_by_damping(p) ? 1 : 2);
   return MSIM_OK;
 }
 
@@ -407,8 +411,9 @@ static msim_status prepare_pilot_run(ms_pilot_run *p, double t0, msim_error *err
   return MSIM_OK;
 }
 
+/* At least 100 steps in the run */
 static ms_trial make_pilot(const ms_pilot_run *p, const ms_integrator *method) {
-  const double FEWEST = 100; /* steps in the run, at least */
+  const double FEWEST = 100;
   return (ms_trial){.method = method,
                     .collision = MSIM_COLLISION_REFLECT,
                     .order = 2,
@@ -416,7 +421,9 @@ static ms_trial make_pilot(const ms_pilot_run *p, const ms_integrator *method) {
 }
 
 /* Where damping limits the steps of velocity Verlet, with two evaluations each, rkc may need half
- * as many, and its long steps are accurate enough for a state that is typical of the run. */
+ * as many, and its long steps are accurate enough for a state that is typical of the run. Steps of
+ * ssprk104 under error control need fewer still, but fast vibrations persist at their limit of
+ * stability, which determine the errors of trials from such a state. */
 static ms_trial choose_pilot(const ms_pilot_run *p, const ms_trial *verlet) {
   const ms_trial stabilized = make_pilot(p, &ms_rkc);
   if (!p->damped || ms_scene_has_obstacles(p->sim->scene) || stabilized.h == 0) return *verlet;
@@ -434,7 +441,8 @@ msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const 
       .start = {.size = sizeof p->start, .n = start->n, .x = start->x, .v = start->v}};
   msim_sim *largest;
   msim_status status = prepare_pilot_run(p, start->t, err);
-  if (!status) status = get_sim(p, MSIM_COLLISION_REFLECT, &largest, err);
+  const ms_trial fixed = make_pilot(p, &ms_velocity_verlet);
+  if (!status) status = get_sim(p, &fixed, &largest, err);
   return status ? status : classify_count(p, err);
 }
 
@@ -446,6 +454,6 @@ msim_status ms_pilot_run_make(ms_pilot_run *p, msim_error *err) {
 }
 
 void ms_pilot_run_end(ms_pilot_run *p) {
-  for (int i = 0; i < 2; i++) msim_sim_destroy(p->sims[i]);
+  for (int i = 0; i < MS_PILOT_SIMS; i++) msim_sim_destroy(p->sims[i]);
   ms_memory_free(&p->sim->alloc, p->states);
 }

@@ -15,12 +15,13 @@
 
 #include "sim/sim.h"
 
-/* A method in fixed steps, to be tried */
+/* A method to be tried */
 typedef struct ms_trial {
   const ms_integrator *method;
   int32_t collision;
   int order;   /* of its error at the end of a run */
-  double h;    /* s */
+  double tol;  /* of error control; 0: steps are fixed */
+  double h;    /* s; the first step under error control */
   double most; /* evaluations for steps of h, after which the trial ends; 0: any number */
 } ms_trial;
 
@@ -28,6 +29,8 @@ typedef struct ms_trial {
 typedef struct ms_pilot_state {
   double *x, *v;
 } ms_pilot_state;
+
+enum { MS_CONTROLLED_SIM = 2, MS_PILOT_SIMS };
 
 typedef struct ms_pilot_run {
   const msim_sim *sim;
@@ -51,7 +54,8 @@ typedef struct ms_pilot_run {
                                       it */
   double single_error;           /* of floats at the end of the run (precision_choice.h) */
   double cost;                   /* cost of everything tried, in evaluations of all springs */
-  msim_sim *sims[2];             /* by `collision`; created when needed */
+  msim_sim *sims[MS_PILOT_SIMS]; /* for trials of all methods, created when needed: with fixed
+                                    steps by `collision`, or with error control */
 } ms_pilot_run;
 
 /* Prepare the pilot run from `start`. late: the run has begun before, and planes count. Call
@@ -60,6 +64,9 @@ msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const 
                                ms_pilot_run *p, msim_error *err);
 msim_status ms_pilot_run_make(ms_pilot_run *p, msim_error *err);
 void ms_pilot_run_end(ms_pilot_run *p);
+
+/* 1: forces depend on velocities, and damping, not frequencies, limits steps. */
+int ms_pilot_run_is_limited_by_damping(const ms_pilot_run *p);
 
 /* 0.9 of the longest stable step, s; INFINITY: any is stable. */
 double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *method);
@@ -82,16 +89,23 @@ double ms_pilot_run_growth(const ms_pilot_run *p, int order);
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
                                     double *step_cost, msim_error *err);
 
+/* The error at the end of the run of a trial of n steps that ms_pilot_run_start_late began,
+ * whose `end` is given: by 2 n fixed steps of the method over the same time, and a few more from
+ * both ends, in which fast vibrations decay. INFINITY: such steps fail. Without planes. */
+enum { MS_DECAY_STEPS = 2 };
+msim_status ms_pilot_run_compare_end(ms_pilot_run *p, const ms_integrator *method,
+                                     const msim_state *end, int64_t n, double *error,
+                                     msim_error *err);
+
 /* Measure a step from n states, as verification does: the end, the middle and the start of the
  * pilot run. */
 enum { MS_MEASURED_STEPS = 3 };
 msim_status ms_pilot_run_measure_steps(ms_pilot_run *p, const ms_trial *of, int n,
                                        ms_step_measurement *steps /* n */, msim_error *err);
 
-/* The error at the end of the run of these fixed steps, by 2 n of them from its start and by twice
- * as many of half the length; INFINITY: such steps fail. Without planes and a pilot run. */
-msim_status ms_pilot_run_try_from_start(ms_pilot_run *p, const ms_trial *of, int64_t n,
-                                        double *error, double *step_cost, msim_error *err);
+/* Copy the state of a sim; its distance from such a copy, in the norm of errors. */
+void ms_pilot_run_copy_state(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *to);
+double ms_pilot_run_find_distance(const ms_pilot_run *p, msim_sim *sim, const ms_pilot_state *from);
 
 /* A sim for another trial, by a method under error control, or with tol = 0 in fixed steps of h */
 msim_status ms_pilot_run_create_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
@@ -105,9 +119,12 @@ double ms_pilot_run_count_work(const msim_sim *sim);
 /* The model of the largest island, to predict iterations. */
 const ms_model *ms_pilot_run_model(const ms_pilot_run *p);
 
-/* Set a sim to the start of the pilot run; to its end, or the state after an impact, or before it
- * if the run has begun. */
+/* Set a sim to the start of the pilot run. */
 msim_status ms_pilot_run_set_start(const ms_pilot_run *p, msim_sim *sim, msim_error *err);
-msim_status ms_pilot_run_set_late(const ms_pilot_run *p, msim_sim *sim, msim_error *err);
+
+/* Start a trial under error control from the end of the pilot run, or from the state after an
+ * impact, or before it if the run has begun. *sim: borrowed until the next trial */
+msim_status ms_pilot_run_start_late(ms_pilot_run *p, const ms_trial *of, msim_sim **sim,
+                                    msim_error *err);
 
 #endif

@@ -86,7 +86,7 @@ double ms_precision_choice_estimate_error(const ms_pilot_run *p) {
 /*------------------------------------- the choice -----------------------------------------------*/
 
 int ms_precision_choice_takes(const ms_candidate *c) {
-  return !c->error_control && c->collision == MSIM_COLLISION_REFLECT &&
+  return c->control_tol == 0 && c->collision == MSIM_COLLISION_REFLECT &&
          ms_precision_supports_method(c->method);
 }
 

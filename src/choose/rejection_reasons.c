@@ -8,7 +8,6 @@ const char *ms_rejection_reasons_text(int why) {
       [MS_REASON_TO_BE_LOCATED] = "impacts are to be located",
       [MS_REASON_NO_IMPACTS] = "there are no impacts to locate",
       [MS_REASON_NO_PLANES] = "it does not support planes",
-      [MS_REASON_ON_GRID] = "frames are bound to the steps with which the run began",
       [MS_REASON_FEW_PARTICLES] = "with so few particles a single event determines the error",
       [MS_REASON_UNVERIFIED] =
           "its steps cannot be verified, and there are too few particles to do without",
@@ -27,6 +26,8 @@ const char *ms_rejection_reasons_text(int why) {
       [MS_REASON_RUN_NOT_FINISHED] =
           "it did not finish the run at a fifth of the best method's cost",
       [MS_REASON_NEVER_STABLE] = "some spring is undamped, so that no step is stable",
-      [MS_REASON_ANGLES] = "it does not support angular springs"};
+      [MS_REASON_ANGLES] = "it does not support angular springs",
+      [MS_REASON_NOT_RELAXED] = "tol is large, or the run is short",
+      [MS_REASON_RELAXED] = "tried only where a larger tolerance does not keep tol"};
   return reasons[why];
 }

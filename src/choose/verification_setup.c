@@ -23,7 +23,7 @@ static int impacts_keep_order(const ms_pilot_run *p, const ms_candidate *c) {
 }
 
 int ms_verification_setup_is_needed(const ms_pilot_run *p, const ms_candidate *c) {
-  if (c->error_control || !ms_control_is_supported(c->method)) return 0;
+  if (c->control_tol > 0 || !ms_control_is_supported(c->method)) return 0;
   return !(p->planes_count && impacts_keep_order(p, c));
 }
 
@@ -46,7 +46,7 @@ msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c
   ms_step_measurement s[MS_MEASURED_STEPS];
   v->scales = p->scales;
   v->planes_far = ms_scene_has_obstacles(p->sim->scene) && !p->planes_count;
-  if (c->error_control && p->mid_run) v->allowed = p->tol * c->h / p->span;
+  if (c->control_tol > 0 && p->mid_run) v->allowed = p->tol * c->h / p->span;
   if (!ms_verification_setup_is_needed(p, c)) return MSIM_OK;
   v->only_events = ms_verification_setup_is_for_events(p, c);
   if (v->only_events) v->allowed = p->tol / MS_EVENTS_PER_RUN;

@@ -5,9 +5,17 @@
 #include "choose/method_choice.h"
 #include "choose/rejection_reasons.h"
 
-static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) {
-  char name[32];
-  snprintf(name, sizeof name, "%s%s", c->method->entry.name, c->error_control ? ", tol" : "");
+/* "dop853", "dop853, tol" or "dop853, 50 tol" */
+static void name_candidate(const ms_candidate *c, double tol, size_t size, char *name) {
+  char relaxed[16] = "";
+  if (c->control_tol > tol) snprintf(relaxed, sizeof relaxed, "%.3g ", c->control_tol / tol);
+  if (c->control_tol > 0) snprintf(name, size, "%s, %stol", c->method->entry.name, relaxed);
+  else snprintf(name, size, "%s", c->method->entry.name);
+}
+
+static void explain_candidate(const ms_candidate *c, double tol, int is_best, ms_text *out) {
+  char name[48];
+  name_candidate(c, tol, sizeof name, name);
   const char *located = c->collision == MSIM_COLLISION_EVENT ? ", impacts located" : "";
   ms_text_append(out, "              %-17s ", name);
   if (c->rejection) {
@@ -18,9 +26,9 @@ static void explain_candidate(const ms_candidate *c, int is_best, ms_text *out) 
                  c->h, c->step_cost, c->tried || c->error > 0 ? "" : "at least ", c->cost_rate,
                  c->precision == MSIM_PRECISION_SINGLE ? ", half as expensive with floats" : "",
                  located,
-                 !is_best           ? ""
-                 : c->error_control ? ": chosen, with error control"
-                                    : ": chosen, with fixed steps");
+                 !is_best             ? ""
+                 : c->control_tol > 0 ? ": chosen, with error control"
+                                      : ": chosen, with fixed steps");
 }
 
 void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
@@ -29,8 +37,14 @@ void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
                  "auto          chosen for tol = %g by a pilot run of %.3g s and trials%s,\n"
                  "              at the cost of %.0f evaluations of the forces\n",
                  s->tol, s->pilot_time, s->pilot_time > 0 ? " from its end" : "", s->total_cost);
-  for (int i = 0; i < MS_CANDIDATES; i++) explain_candidate(&s->candidates[i], i == s->best, out);
-  if (ms_choice_best(s)->error_control && v->allowed > 0)
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    explain_candidate(&s->candidates[i], s->tol, i == s->best, out);
+  if (ms_choice_best(s)->control_tol > s->tol)
+    ms_text_append(out,
+                   "              error control with %.3g keeps tol, as damping removes most of "
+                   "the errors that it sees\n",
+                   ms_choice_best(s)->control_tol);
+  if (ms_choice_best(s)->control_tol > 0 && v->allowed > 0)
     ms_text_append(out,
                    "              in substeps: frames keep the steps with which the run began\n");
   else if (v->allowed > 0)

@@ -5,20 +5,20 @@
 
 #include "sim/step_verification.h"
 
-enum { MS_CANDIDATES = 11 };
+enum { MS_CANDIDATES = 13 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;
-  int32_t collision; /* MSIM_COLLISION_...: how impacts are treated */
-  int32_t precision; /* MSIM_PRECISION_DOUBLE or _SINGLE: of its steps */
-  int error_control; /* 1: error control chooses its steps; 0: they are fixed */
-  double step_cost;  /* evaluations per step */
-  double cost_rate;  /* evaluations with doubles per simulated second, or a lower bound; INFINITY:
+  int32_t collision;  /* MSIM_COLLISION_...: how impacts are treated */
+  int32_t precision;  /* MSIM_PRECISION_DOUBLE or _SINGLE: of its steps */
+  double control_tol; /* tolerance of error control; 0: steps are fixed */
+  double step_cost;   /* evaluations per step */
+  double cost_rate;   /* evaluations with doubles per simulated second, or a lower bound; INFINITY:
                         rejected */
-  double h;          /* s: its step */
-  double error;      /* at the end of the run; 0: it was not tried */
-  int tried;         /* 1: a trial has confirmed h */
-  int rejection;     /* MS_REASON_...: why it was rejected; 0: it was not */
+  double h;           /* s: its step */
+  double error;       /* at the end of the run; 0: it was not tried */
+  int tried;          /* 1: a trial has confirmed h */
+  int rejection;      /* MS_REASON_...: why it was rejected; 0: it was not */
 } ms_candidate;
 
 typedef struct ms_method_choice {

@@ -337,13 +337,6 @@ void ms_step_driver_start_control(msim_sim *sim) {
   sim->run.frame = 1;
 }
 
-void ms_step_driver_set_span(msim_sim *sim, double span) {
-  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-    ms_norm_measure_scales(&m->model, m->stepper.x, m->stepper.v, span, &m->norm);
-  sim->run.control = ms_control_make(sim->config.integrator, sim->config.opt.tol, span);
-  ms_step_driver_set_step(sim, sim->config.opt.h);
-}
-
 void ms_step_driver_set_step(msim_sim *sim, double h) {
   sim->run.control.h = sim->run.h = h;
   ms_control_reset(&sim->run.control);

@@ -20,10 +20,6 @@ void ms_step_driver_start_control(msim_sim *sim);
 /* Let msim_sim_state return the state at t, the end of the last step or a time inside it. */
 void ms_step_driver_show_time(msim_sim *sim, double t);
 
-/* Control errors from the present state on as in a run of `span` (s), with the h of the options as
- * the first step to try. */
-void ms_step_driver_set_span(msim_sim *sim, double span);
-
 /* Set the length of the next step to try (s). */
 void ms_step_driver_set_step(msim_sim *sim, double h);
 

@@ -248,7 +248,8 @@ static msim_status make_step_in_substeps(const msim_sim *sim, ms_island_sim *m, 
   ms_stepper_swap(&s->v, &s->v_next);
   s->cached_stage_next =
       0; /* error control treats contacts differently from methods that replay impacts */
-  m->verification.substep = c.h < h || ms_choice_best(&sim->config.choice)->error_control ? c.h : 0;
+  m->verification.substep =
+      c.h < h || ms_choice_best(&sim->config.choice)->control_tol > 0 ? c.h : 0;
   return status;
 }
 
@@ -276,7 +277,7 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   const int64_t contacts = s->stats->contacts;
   const double usual = sim->config.choice.verification.allowed;
   double error = INFINITY, sign[2] = {0};
-  if (check->substep > 0 || ms_choice_best(&sim->config.choice)->error_control)
+  if (check->substep > 0 || ms_choice_best(&sim->config.choice)->control_tol > 0)
     return make_step_in_substeps(sim, m, moved, err);
   msim_status status = ms_island_step_make_substeps(sim, sim->config.integrator, s, 1, err);
   if (status && !ms_island_step_may_retry(status)) return status;

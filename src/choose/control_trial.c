@@ -1,0 +1,94 @@
+#include "choose/control_trial.h"
+
+#include <math.h>
+
+#include "choose/rejection_reasons.h"
+#include "methods/methods.h"
+#include "sim/step_driver.h"
+
+/* Steps that show what error control costs where no plane counts: the lengths of 6 and of 16 differ
+ * by 2 to 6 %. */
+enum { STEPS = 6 };
+
+int ms_control_trial_may_relax(const ms_pilot_run *p) {
+  const double MOST = 0.1, OF_STEP = 0.25;
+  const double h = MS_LOOSE * ms_pilot_run_stable_step(p, &ms_ssprk104);
+  return ms_pilot_run_is_limited_by_damping(p) && !p->planes_count && MS_RELAXED <= MOST / p->tol &&
+         MS_RELAXED * h <= OF_STEP * p->span;
+}
+
+static int is_relaxed(const ms_pilot_run *p, const ms_candidate *c) {
+  return c->control_tol > p->tol;
+}
+
+double ms_control_trial_steps(const ms_pilot_run *p, const ms_candidate *c) {
+  return is_relaxed(p, c) ? 3 * STEPS + 2 * MS_DECAY_STEPS : STEPS;
+}
+
+void ms_control_trial_postpone(double least, ms_candidate *c) {
+  c->rejection = MS_REASON_COSTS_MORE;
+  c->cost_rate = 2 * least;
+  c->error = 0;
+}
+
+msim_status ms_control_trial_run(ms_pilot_run *p, msim_sim *trial, double t, double most,
+                                 double steps, ms_candidate *c, msim_error *err) {
+  const double start = ms_pilot_run_count_work(trial);
+  double work = 0, time = 0, before = 0; /* time and work: in all; before the second step */
+  msim_status status = MSIM_OK;
+  while (!status && trial->run.t < t && (double)trial->run.step < steps && work < most) {
+    if (trial->run.step == 1 && steps < INFINITY) time = trial->run.t, before = work;
+    status = ms_sim_make_steps(trial, 1, err);
+    work = ms_pilot_run_count_work(trial) - start;
+  }
+  p->cost += work;
+  if (status < 0 || trial->run.step == 0) return status < 0 ? status : MSIM_OK;
+  if (trial->run.step == 1) time = before = 0;
+  const double counted = (double)trial->run.step - (time > 0);
+  c->h = (trial->run.t - time) / counted;
+  c->step_cost = (work - before) / counted;
+  return MSIM_OK;
+}
+
+/* The factor by which error control will shorten its steps of h, as E/h ~ C h^k and C grows: by
+ * g^(1/k); 1 at the limit of stability, `longest` or less, where other errors than those of the
+ * motion decide. */
+static double later_shortening(const ms_pilot_run *p, const ms_candidate *c, double longest) {
+  const double NEAR = 0.8;
+  if (c->h > NEAR * longest) return 1;
+  return pow(p->step_growth, 1 / ms_control_make(c->method, c->control_tol, p->span).order);
+}
+
+/* After the trial with a relaxed tolerance */
+static msim_status check_relaxed(ms_pilot_run *p, msim_sim *trial, ms_candidate *c,
+                                 msim_error *err) {
+  msim_state end = {.size = sizeof end};
+  msim_sim_state(trial, &end);
+  msim_status status =
+      ms_pilot_run_compare_end(p, c->method, &end, trial->run.step, &c->error, err);
+  if (c->error > p->tol) c->rejection = MS_REASON_ERROR_TOO_LARGE;
+  if (c->rejection) c->cost_rate = INFINITY;
+  return status;
+}
+
+/* Over a quarter of the length of the pilot run. In a run that has begun it is short, and ends at
+ * the first of many impacts: there as far as fixed steps are tried. Evaluations of dop853 count
+ * more, as it forms so many sums (method_choice.c). */
+msim_status ms_control_trial_make(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
+  const double SUMS = c->method == &ms_dop853 ? 13. / 12 : 1;
+  const double t = p->mid_run ? p->span / MS_TRIALS_AT_PLANES : fmax(p->duration, p->span / 16) / 4;
+  const double steps = p->planes_count ? INFINITY : STEPS, longest = c->h;
+  const ms_trial of = {
+      .method = c->method, .collision = c->collision, .tol = c->control_tol, .h = fmin(c->h, t)};
+  msim_sim *trial;
+  msim_status status = ms_pilot_run_start_late(p, &of, &trial, err);
+  if (status) return status;
+  status = ms_control_trial_run(p, trial, t, least * t / SUMS, steps, c, err);
+  const int arrived = trial->run.t >= t || (double)trial->run.step >= steps;
+  c->step_cost *= SUMS;
+  c->cost_rate = c->step_cost / c->h * later_shortening(p, c, longest);
+  c->tried = arrived;
+  if (!arrived) ms_control_trial_postpone(least, c);
+  else if (!status && is_relaxed(p, c)) status = check_relaxed(p, trial, c, err);
+  return status;
+}

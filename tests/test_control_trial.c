@@ -1,0 +1,171 @@
+/* Tests of error control with a larger tolerance, a candidate of integrator = auto where damping
+ * limits the steps: when it is one, that it keeps tol, and what it saves. */
+#include <math.h>
+#include <string.h>
+
+#include "auto_scenes.h"
+#include "checkpoints.h"
+#include "choose/control_trial.h"
+#include "choose/rejection_reasons.h"
+#include "methods/methods.h"
+
+static msim_scene *damped_sheet(void) { return hanging_cloth(12, 1000, 1); }
+
+/* The candidates of a method with error control; *relaxed: that with a larger tolerance */
+static const ms_candidate *find_controlled(const msim_sim *sim, const ms_integrator *method,
+                                           const ms_candidate **relaxed) {
+  const ms_candidate *found[2] = {NULL, NULL}, *all = sim->config.choice.candidates;
+  int n = 0;
+  for (const ms_candidate *c = all; c < all + MS_CANDIDATES; c++)
+    if (c->method == method && c->control_tol > 0 && n < 2) found[n++] = c;
+  assert_int_equal(n, 2);
+  *relaxed = found[1];
+  return found[0];
+}
+
+static const ms_integrator *const controlled_methods[] = {&ms_dop853, &ms_ssprk104};
+
+/* It is where tol is small and the run long, damping limits the steps, and there are no planes; the
+ * method with tol itself is one where the larger tolerance is not, or has turned out too large. */
+static void where_a_larger_tolerance_is_a_candidate(void **state) {
+  (void)state;
+  static const struct {
+    double damping, tol, t_end;
+    int planes, why;
+  } row[] = {{1, 1e-3, 1, 0, MS_REASON_NONE},
+             {1, 1e-6, 1, 0, MS_REASON_NONE},
+             {1, 3e-3, 1, 0, MS_REASON_NOT_RELAXED},
+             {1, 1e-3, 0.5, 0, MS_REASON_NOT_RELAXED},
+             {0.01, 1e-3, 5, 0, MS_REASON_WEAKLY_DAMPED},
+             {0, 1e-3, 5, 0, MS_REASON_UNDAMPED},
+             {1, 1e-3, 1, 1, MS_REASON_TRIAL_TOO_EXPENSIVE}};
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    msim_scene *scene = hanging_cloth(12, 1000, row[i].damping);
+    if (row[i].planes) plane(scene, 0, 0, 1, -0.05, 0.5, 0);
+    const msim_options opt = options_of("auto", row[i].tol, row[i].t_end);
+    msim_sim *sim = make_sim(scene, &opt);
+    for (int k = 0; k < 2; k++) {
+      const ms_candidate *relaxed,
+          *with_tol = find_controlled(sim, controlled_methods[k], &relaxed);
+      assert_close(with_tol->control_tol, row[i].tol, 0);
+      assert_close(relaxed->control_tol, MS_RELAXED * row[i].tol, 0);
+      if (row[i].why) assert_int_equal(relaxed->rejection, row[i].why);
+      else assert_int_not_equal(relaxed->rejection, MS_REASON_NOT_RELAXED);
+      const int replaced = row[i].why == 0 && relaxed->rejection != MS_REASON_ERROR_TOO_LARGE;
+      assert_int_equal(with_tol->rejection == MS_REASON_RELAXED, replaced);
+    }
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Error control with tol costs 1.5 to 3 times as much, and its error is far smaller. */
+static void it_keeps_tol_and_saves_evaluations(void **state) {
+  (void)state;
+  const double t_end = 1, extent = 1;
+  msim_scene *scene = damped_sheet();
+  const msim_options reference = options_of("dop853", 1e-11, t_end);
+  msim_sim *exact = make_sim(scene, &reference);
+  assert_ok(msim_sim_run(exact, NULL, NULL, err));
+  int relaxed = 0;
+  for (double tol = 1e-3; tol > 3e-7; tol /= 10) {
+    const msim_options opt = options_of("auto", tol, t_end), own = options_of("dop853", tol, t_end);
+    msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &own);
+    const double choice = sim->config.choice.total_cost, used = sim->config.opt.tol;
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    assert_ok(msim_sim_run(other, NULL, NULL, err));
+    const double ratio = ((double)stats_of(sim).force_evaluations + choice) /
+                         (double)stats_of(other).force_evaluations;
+    const msim_state a = state_of(sim), b = state_of(exact);
+    const double error = largest_difference(a.x, b.x, 3 * a.n);
+    print_message("  tol %.0e: %-10s with %.0e, error %.1e, %.2f of the evaluations of dop853\n",
+                  tol, sim->config.integrator->entry.name, used, error, ratio);
+    assert_true(error < tol * extent);
+    assert_true(ratio < 0.8);
+    relaxed += used > tol;
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+  }
+  assert_true(relaxed >= 3);
+  msim_sim_destroy(exact);
+  msim_scene_destroy(scene);
+}
+
+/* The same trial serves a large tol, but not a small one. */
+static void an_error_that_is_too_large_is_seen(void **state) {
+  (void)state;
+  msim_scene *scene = damped_sheet();
+  const double control_tol = 0.05;
+  const msim_options opt = options_of("auto", 1e-3, 0.5);
+  msim_sim *sim = make_sim(scene, &opt);
+  const msim_state start = state_of(sim);
+  for (int k = 0; k < 2; k++) {
+    double error = 0;
+    for (double tol = 1e-2; tol > 1e-11; tol /= 1e8) {
+      ms_pilot_run run;
+      assert_ok(ms_pilot_run_begin(sim, opt.tol, 0, &start, &run, err));
+      assert_ok(ms_pilot_run_make(&run, err));
+      run.tol = tol;
+      ms_candidate c = {.method = controlled_methods[k],
+                        .control_tol = control_tol,
+                        .h = MS_LOOSE * ms_pilot_run_stable_step(&run, controlled_methods[k])};
+      assert_ok(ms_control_trial_make(&run, INFINITY, &c, err));
+      assert_true(c.tried);
+      if (tol < 1e-9) assert_int_equal(c.rejection, MS_REASON_ERROR_TOO_LARGE);
+      else assert_int_equal(c.rejection, MS_REASON_NONE);
+      if (error > 0) assert_close(c.error, error, 0);
+      assert_true(isfinite(c.cost_rate) == !c.rejection && c.error > 1e-10 && c.error < 1e-2);
+      error = c.error;
+      ms_pilot_run_end(&run);
+    }
+  }
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
+/* A run resumed from its middle ends with the same bits. */
+static void its_checkpoints_continue_it(void **state) {
+  (void)state;
+  msim_scene *scene = damped_sheet();
+  const msim_options opt = options_of("auto", 1e-3, 1);
+  msim_sim *whole = make_sim(scene, &opt), *sim = make_sim(scene, &opt);
+  assert_true(sim->config.opt.tol > opt.tol);
+  assert_ok(msim_sim_step(sim, 50, err));
+  const checkpoint c = save(sim);
+  msim_sim *resumed = resume(scene, &opt, &c);
+  assert_ok(msim_sim_run(whole, NULL, NULL, err));
+  assert_ok(msim_sim_run(resumed, NULL, NULL, err));
+  expect_same(whole, resumed, "a larger tolerance");
+  free(c.bytes);
+  msim_sim_destroy(whole), msim_sim_destroy(sim), msim_sim_destroy(resumed);
+  msim_scene_destroy(scene);
+}
+
+/* A method that takes the place of another one makes the same steps as in a sim of its own, also if
+ * its work vectors hold what the other has left: here dampers at pinned particles, not at 0. */
+static void methods_do_not_see_what_others_leave(void **state) {
+  (void)state;
+  const double h = 1e-3;
+  static const ms_integrator *const pairs[][2] = {{&ms_force_gradient, &ms_rkc},
+                                                  {&ms_rkc, &ms_ssprk104}};
+  msim_scene *scene = damped_sheet();
+  for (int k = 0; k < 2; k++) {
+    msim_options opt = options("dop853", h), own = options(pairs[k][1]->entry.name, h);
+    opt.steps = own.steps = 4;
+    msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &own);
+    for (int i = 0; i < 2; i++) ms_sim_switch_method(sim, pairs[k][i], h);
+    assert_ok(msim_sim_step(sim, 4, err));
+    assert_ok(msim_sim_step(other, 4, err));
+    expect_same_motion(sim, other);
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+  }
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(where_a_larger_tolerance_is_a_candidate),
+                                     cmocka_unit_test(it_keeps_tol_and_saves_evaluations),
+                                     cmocka_unit_test(an_error_that_is_too_large_is_seen),
+                                     cmocka_unit_test(its_checkpoints_continue_it),
+                                     cmocka_unit_test(methods_do_not_see_what_others_leave)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
