@@ -148,7 +148,7 @@ static void doubles_verify_what_floats_cannot(void **state) {
   msim_scene *scene = hanging_cloth(12, 300, 0);
   assert_ok(msim_scene_add_particles(scene, 1, x, v, &mass, err));
   assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-  const msim_options opt = options_of("auto", 1e-3, 1);
+  const msim_options opt = options_of("auto", 1e-3, 0.7);
   msim_sim *sim = make_sim(scene, &opt);
   assert_true(sim->config.choice.single_error < 1e-3 / 4 && !is_single(sim));
   assert_ok(msim_sim_explain(sim, &text, err));
