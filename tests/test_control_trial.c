@@ -140,6 +140,30 @@ static void its_checkpoints_continue_it(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Impacts have errors that damping does not remove: once a plane is close, error control goes on
+ * with tol, also in a run resumed after that. */
+static void planes_end_it(void **state) {
+  (void)state;
+  const double tol = 1e-3;
+  msim_scene *scene = damped_sheet();
+  plane(scene, 0, 0, 1, -0.8, 0.5, 0);
+  const msim_options opt = options_of("auto", tol, 1);
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_true(sim->config.choice.verification.planes_far && sim->run.control.tol > tol);
+  while (sim->config.choice.verification.planes_far) assert_ok(msim_sim_step(sim, 1, err));
+  assert_close(sim->config.opt.tol, tol, 0);
+  assert_close(sim->run.control.tol, tol, 0);
+  const checkpoint c = save(sim);
+  msim_sim *resumed = resume(scene, &opt, &c);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_ok(msim_sim_run(resumed, NULL, NULL, err));
+  expect_same(sim, resumed, "planes");
+  assert_true(stats_of(sim).contacts > 0);
+  free(c.bytes);
+  msim_sim_destroy(sim), msim_sim_destroy(resumed);
+  msim_scene_destroy(scene);
+}
+
 /* A method that takes the place of another one makes the same steps as in a sim of its own, also if
  * its work vectors hold what the other has left: here dampers at pinned particles, not at 0. */
 static void methods_do_not_see_what_others_leave(void **state) {
@@ -166,6 +190,7 @@ int main(void) {
                                      cmocka_unit_test(it_keeps_tol_and_saves_evaluations),
                                      cmocka_unit_test(an_error_that_is_too_large_is_seen),
                                      cmocka_unit_test(its_checkpoints_continue_it),
+                                     cmocka_unit_test(planes_end_it),
                                      cmocka_unit_test(methods_do_not_see_what_others_leave)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -156,8 +156,8 @@ typedef struct msim_plan {
   const char *integrator; /* the method in use, also if `auto` has chosen it */
   const char *solver;     /* of the largest island; "none" if the method needs none */
   int32_t threads;        /* in use; fewer than requested if not all could be started */
-  double tol;   /* tolerance of the error control, which `auto` may have raised; 0: fixed steps */
-  double t_end; /* end of the run, s; -1: none */
+  double tol;             /* of the error control; `auto` may raise it; 0: fixed steps */
+  double t_end;           /* end of the run, s; -1: none */
 } msim_plan;
 
 /* The cost of the run from the present state to its end, or for 1 s if it has none, extrapolated

@@ -61,6 +61,12 @@ static msim_status choose_for_planes(msim_sim *sim, const msim_state *now, msim_
   return MSIM_OK;
 }
 
+/* Error control goes on with tol: damping does not remove what impacts do to its errors. */
+static void control_with_tol(msim_sim *sim) {
+  ms_method_choice *choice = &sim->config.choice;
+  sim->config.opt.tol = choice->candidates[choice->best].control_tol = choice->tol;
+}
+
 /* From here on planes count: choose a method for impacts in the present state, with steps that
  * divide the planned ones. Under error control the method stays. */
 static msim_status enable_planes(msim_sim *sim, msim_error *err) {
@@ -69,11 +75,13 @@ static msim_status enable_planes(msim_sim *sim, msim_error *err) {
   msim_status status = MSIM_OK;
   msim_sim_state(sim, &now);
   sim->config.choice.verification.planes_far = 0;
-  if (ms_sim_has_control(sim)) ms_control_reset(&sim->run.control);
+  if (ms_sim_has_control(sim)) control_with_tol(sim);
   else status = choose_for_planes(sim, &now, err);
   if (!status) status = ms_sim_build_islands(sim, sim->islands->model.unknowns.dropped_axis, err);
   if (!status) {
     now.v_half = NULL;
+    sim->run.control.tol = sim->config.opt.tol;
+    ms_control_reset(&sim->run.control);
     ms_sim_start_islands(sim, &now);
     ms_energy_monitor_start(sim);
     return MSIM_OK;

@@ -89,10 +89,11 @@ double ms_pilot_run_growth(const ms_pilot_run *p, int order);
 msim_status ms_pilot_run_try_method(ms_pilot_run *p, const ms_trial *of, double *error,
                                     double *step_cost, msim_error *err);
 
-/* The error at the end of the run of a trial of n steps that ms_pilot_run_start_late began,
- * whose `end` is given: by 2 n fixed steps of the method over the same time, and a few more from
- * both ends, in which fast vibrations decay. INFINITY: such steps fail. Without planes. */
 enum { MS_DECAY_STEPS = 2 };
+
+/* The error at the end of the run of a trial of n steps that ms_pilot_run_start_late began, and
+ * whose `end` is given: by 2 n fixed steps of the method over the same time, and MS_DECAY_STEPS
+ * more from both ends, in which fast vibrations decay. INFINITY: such steps fail. Without planes */
 msim_status ms_pilot_run_compare_end(ms_pilot_run *p, const ms_integrator *method,
                                      const msim_state *end, int64_t n, double *error,
                                      msim_error *err);
