@@ -14,7 +14,7 @@
 msim_status msim_sim_create(const msim_scene *scene, const msim_options *opt, msim_sim **sim,
                             msim_error *err) {
   if (!scene || !opt || !sim) return ms_error_set(err, MSIM_ERR_ARG, "scene, opt or sim is NULL");
-  msim_status status = ms_sim_create(scene, opt, ms_method_choice_make, sim, err);
+  msim_status status = ms_sim_create(scene, opt, ms_method_choice_make, NULL, sim, err);
   if (status || !(*sim)->ranks) return status;
   ms_fingerprint_hash_scene(*sim);
   status = ms_ranks_agree((*sim)->ranks, MSIM_OK, err);

@@ -384,6 +384,7 @@ msim_status ms_method_choice_make(msim_sim *sim, int late, const msim_state *sta
   if (!status) s.single_error = p.single_error = ms_precision_choice_estimate_error(&p);
   if (!status) status = choose_method(&p, &s, err);
   if (!status) use_choice(sim, &p, &s);
+  if (!status && !sim->islands) ms_sim_take_models(sim, p.sims[MSIM_COLLISION_REFLECT]);
   ms_pilot_run_end(&p);
   return status;
 }

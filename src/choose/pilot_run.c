@@ -102,25 +102,33 @@ static msim_options options_of(const ms_pilot_run *p, const ms_integrator *metho
   return opt;
 }
 
+/* The scene is laid out once for all sims. */
+static msim_status create_sim(const ms_pilot_run *p, const msim_options *opt, msim_sim **sim,
+                              msim_error *err) {
+  msim_scene scene = {.data = p->sim->scene};
+  const msim_sim *first =
+      p->sims[MSIM_COLLISION_REFLECT] ? p->sims[MSIM_COLLISION_REFLECT] : p->sim;
+  const ms_island_sims like = {.n = first->nislands, .islands = first->islands};
+  return ms_sim_create(&scene, opt, NULL, &like, sim, err);
+}
+
 static msim_status get_sim(ms_pilot_run *p, const ms_trial *of, msim_sim **sim, msim_error *err) {
   const int which = of->tol > 0 ? MS_CONTROLLED_SIM : of->collision;
-  msim_scene scene = {.data = p->sim->scene};
   msim_options opt = options_of(p, widest, of->tol, of->h);
   *sim = p->sims[which];
   if (*sim) return MSIM_OK;
   opt.collision = of->collision;
   if (of->tol == 0) opt.steps = 0;
   opt.newton_retries = 2; /* for memory of half steps */
-  msim_status status = ms_sim_create(&scene, &opt, NULL, sim, err);
+  msim_status status = create_sim(p, &opt, sim, err);
   if (!status) p->sims[which] = *sim;
   return status;
 }
 
 msim_status ms_pilot_run_create_sim(const ms_pilot_run *p, const ms_integrator *method, double tol,
                                     double h, msim_sim **sim, msim_error *err) {
-  msim_scene scene = {.data = p->sim->scene};
   const msim_options opt = options_of(p, method, tol, h);
-  return ms_sim_create(&scene, &opt, NULL, sim, err);
+  return create_sim(p, &opt, sim, err);
 }
 
 /* Set the sim to that state, and let it continue by another method. */

@@ -68,34 +68,66 @@ static void remove_constant_forces(ms_model *m) {
   update_added_force(m);
 }
 
-msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
-                                   unsigned skip_off, ms_model *model, msim_error *err) {
-  *model = (ms_model){.scene = scene, .external = scene->external, .isa = ms_isa_choose()};
+/* What all models of an island share */
+static msim_status create_shared(const ms_island *island, int32_t left_out, ms_model *model,
+                                 msim_error *err) {
+  const ms_scene *scene = model->scene;
+  ms_unknowns *rows = &model->unknowns;
   msim_status status =
-      ms_layout_create(scene, island, &model->unknowns, &model->springs, &model->half_edges, err);
-  if (left_out >= 0) ms_unknowns_drop_axis(&model->unknowns, left_out);
-  if (!status) status = ms_angles_create(scene, island, &model->unknowns, &model->angles, err);
+      ms_layout_create(scene, island, rows, &model->springs, &model->half_edges, err);
+  if (left_out >= 0) ms_unknowns_drop_axis(rows, left_out);
+  if (!status) status = ms_angles_create(scene, island, rows, &model->angles, err);
   if (status) return status;
-  const ms_unknowns *rows = &model->unknowns;
-  model->shape = model->state_shape =
-      (ms_shape){.n = rows->nfree, .stride = rows->stride, .dims = rows->dims, .isa = model->isa};
-  size_t count = (size_t)rows->first_pinned;
+  const size_t count = (size_t)rows->first_pinned;
   if (!MS_NEW(&scene->alloc, model->mass, count) || !MS_NEW(&scene->alloc, model->inv_mass, count))
     return ms_error_set_memory(err, "the masses");
-  status = create_laws(model, err);
-  if (!status) status = ms_force_function_create(model, &model->function, err);
-  if (!status) status = ms_model_update_forces(model, skip_off, err);
-  if (!status) status = ms_moving_pins_create(model, &model->pins, err);
-  if (!status && scene->ncolliders &&
-      !MS_NEW(&scene->alloc, model->moving_solids, scene->ncolliders))
-    status = ms_error_set_memory(err, "the colliders");
-  if (status) return status;
   for (size_t r = 0; r < count; r++) {
     model->mass[r] = rows->particle[r] < 0 ? 1.0 : scene->mass[rows->particle[r]];
     model->inv_mass[r] = rows->particle[r] < 0 ? 0.0 : 1.0 / model->mass[r]; /* padding rests */
   }
+  return MSIM_OK;
+}
+
+/* What each model has for itself */
+static msim_status complete(ms_model *model, unsigned skip_off, msim_error *err) {
+  const ms_scene *scene = model->scene;
+  const ms_unknowns *rows = &model->unknowns;
+  model->external = scene->external;
+  model->isa = ms_isa_choose();
+  model->shape = model->state_shape =
+      (ms_shape){.n = rows->nfree, .stride = rows->stride, .dims = rows->dims, .isa = model->isa};
+  msim_status status = create_laws(model, err);
+  if (!status) status = ms_force_function_create(model, &model->function, err);
+  if (!status) status = ms_model_update_forces(model, skip_off, err);
+  if (!status) status = ms_moving_pins_create(model, &model->pins, err);
+  if (status) return status;
+  if (scene->ncolliders && !MS_NEW(&scene->alloc, model->moving_solids, scene->ncolliders))
+    return ms_error_set_memory(err, "the colliders");
   model->features = find_features(scene, &model->springs, &model->angles) | skip_off;
   return MSIM_OK;
+}
+
+msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
+                                   unsigned skip_off, ms_model *model, msim_error *err) {
+  *model = (ms_model){.scene = scene};
+  if (!MS_NEW(&scene->alloc, model->sharers, 1)) return ms_error_set_memory(err, "an island");
+  *model->sharers = 1;
+  const msim_status status = create_shared(island, left_out, model, err);
+  return status ? status : complete(model, skip_off, err);
+}
+
+msim_status ms_model_create_like(const ms_model *other, unsigned skip_off, ms_model *model,
+                                 msim_error *err) {
+  *model = (ms_model){.scene = other->scene,
+                      .unknowns = other->unknowns,
+                      .springs = other->springs,
+                      .half_edges = other->half_edges,
+                      .angles = other->angles,
+                      .mass = other->mass,
+                      .inv_mass = other->inv_mass,
+                      .sharers = other->sharers};
+  ++*model->sharers;
+  return complete(model, skip_off, err);
 }
 
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,
@@ -181,14 +213,18 @@ void ms_model_update_springs(ms_model *model, unsigned skip_off) {
 
 void ms_model_destroy(ms_model *model) {
   if (!model->scene) return;
+  const ms_scene *scene = model->scene;
   free_added_force(model);
-  ms_rank_model_destroy(model->scene, model->rank_model);
-  ms_single_destroy(model->scene, model->single);
-  ms_moving_pins_destroy(model->scene, model->pins);
-  ms_force_function_destroy(model->scene, model->function);
-  ms_layout_destroy(model->scene, &model->unknowns, &model->springs, &model->half_edges);
-  ms_law_springs_destroy(model->scene, model->laws);
-  ms_angles_destroy(model->scene, &model->angles);
-  MS_FREE(&model->scene->alloc, model->mass, model->inv_mass, model->force, model->moving_solids);
+  ms_rank_model_destroy(scene, model->rank_model);
+  ms_single_destroy(scene, model->single);
+  ms_moving_pins_destroy(scene, model->pins);
+  ms_force_function_destroy(scene, model->function);
+  ms_law_springs_destroy(scene, model->laws);
+  MS_FREE(&scene->alloc, model->force, model->moving_solids);
+  if (model->sharers && --*model->sharers == 0) {
+    ms_layout_destroy(scene, &model->unknowns, &model->springs, &model->half_edges);
+    ms_angles_destroy(scene, &model->angles);
+    MS_FREE(&scene->alloc, model->mass, model->inv_mass, model->sharers);
+  }
   *model = (ms_model){0};
 }

@@ -31,6 +31,8 @@ typedef struct ms_model {
   ms_shape shape;           /* of the unknowns, in vectors of doubles */
   ms_shape state_shape;     /* of a stepper's vectors: likewise, or of pairs of floats (single) */
   double *mass, *inv_mass;  /* first_pinned, kg, 1/kg: of the unknowns; padding: 1, 0 */
+  int32_t *sharers;         /* how many models have these unknowns, springs, half-edges, angular
+                               springs and masses (ms_model_create_like) */
   ms_external external;     /* the scene's */
   struct ms_law_springs *laws; /* springs with a law (law_springs.h); NULL: there are none */
   ms_angles angles;            /* angular springs (angle_springs.h) */
@@ -53,6 +55,12 @@ typedef struct ms_model {
  * component; -1: none. */
 msim_status ms_model_create_island(const ms_scene *scene, const ms_island *island, int32_t left_out,
                                    unsigned skip_off, ms_model *model, msim_error *err);
+
+/* Another model of the same island, with the same unknowns, springs, half-edges, angular springs
+ * and masses in the same memory, which the last of these models frees. While there are several,
+ * springs must keep their values, and one of the models computes at a time. */
+msim_status ms_model_create_like(const ms_model *other, unsigned skip_off, ms_model *model,
+                                 msim_error *err);
 
 /* The whole scene as one island, with 2 components if it is planar. */
 msim_status ms_model_create(const ms_scene *scene, unsigned skip_off, ms_model *model,

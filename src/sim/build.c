@@ -63,7 +63,25 @@ static msim_status create_islands(const msim_sim *sim, ms_rank_order *order, ms_
   return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
 }
 
-static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
+/* 1: models of the present scene are those of other islands (msim_sim.like). */
+static int has_like(const msim_sim *sim, int32_t left_out) {
+  const ms_island_sims *like = sim->like;
+  return like && like->n > 0 && like->islands->model.scene == sim->scene &&
+         like->islands->model.unknowns.dropped_axis == left_out;
+}
+
+static msim_status create_models_like(msim_sim *sim, msim_error *err) {
+  msim_status status = MSIM_OK;
+  sim->islands = ms_memory_allocate(&sim->alloc, (size_t)sim->like->n, sizeof *sim->islands);
+  if (!sim->islands) return ms_error_set_memory(err, "the islands");
+  sim->nislands = sim->like->n;
+  for (int32_t i = 0; i < sim->nislands && !status; i++)
+    status = ms_model_create_like(&sim->like->islands[i].model, sim->config.opt.skip_off,
+                                  &sim->islands[i].model, err);
+  return status;
+}
+
+static msim_status divide_into_models(msim_sim *sim, int32_t left_out, msim_error *err) {
   ms_islands islands = {0};
   ms_rank_order order = {0};
   msim_status status = create_islands(sim, &order, &islands, err);
@@ -79,14 +97,23 @@ static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_er
     if (ms_reuse_island(sim, &island, left_out, &sim->islands[i])) continue;
     status = ms_model_create_island(sim->scene, &island, left_out, sim->config.opt.skip_off,
                                     &sim->islands[i].model, err);
-    if (!status && sim->config.opt.precision == MSIM_PRECISION_SINGLE)
-      status = ms_single_create(&sim->islands[i].model, err);
-    if (sim->config.choice.verification.planes_far)
-      sim->islands[i].model.features &= ~(unsigned)MS_HAS_PLANES;
   }
   ms_islands_destroy(sim->scene, &islands);
   if (sim->part && !status) ms_rank_part_keep_order(&sim->alloc, sim->part, &order);
   ms_rank_order_destroy(sim->scene, &order);
+  return status;
+}
+
+static msim_status create_island_models(msim_sim *sim, int32_t left_out, msim_error *err) {
+  msim_status status = has_like(sim, left_out) ? create_models_like(sim, err)
+                                               : divide_into_models(sim, left_out, err);
+  for (int32_t i = 0; i < sim->nislands && !status; i++) {
+    ms_island_sim *m = &sim->islands[i];
+    if (m->is_reused) continue;
+    if (sim->config.opt.precision == MSIM_PRECISION_SINGLE)
+      status = ms_single_create(&m->model, err);
+    if (sim->config.choice.verification.planes_far) m->model.features &= ~(unsigned)MS_HAS_PLANES;
+  }
   return status;
 }
 
@@ -170,23 +197,29 @@ msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *e
   return status || !m->stepper.solver ? status : ms_solver_connect(m->stepper.solver, err);
 }
 
+/* Leaves the model. */
+static void destroy_state(const msim_allocator *alloc, ms_island_sim *m) {
+  ms_stepper *s = &m->stepper;
+  ms_solver_destroy(s->solver);
+  ms_multirate_destroy(&m->model, s->split);
+  ms_contact_set_destroy(&m->model, s->events);
+  ms_contact_log_destroy(&m->model, s->contact_log);
+  ms_self_contact_destroy(&m->model, m->self_contact);
+  ms_energy_monitor_destroy(&m->model, &m->last_good);
+  ms_norm_destroy(&m->model, &m->norm);
+  ms_error_growth_destroy(&m->model, &m->disturbance);
+  ms_step_verification_destroy(&m->model, &m->verification);
+  MS_FREE(alloc, s->x, s->v, s->x_next, s->v_next, s->scratch, s->x_spare[0], s->x_spare[1],
+          s->v_spare[0], s->v_spare[1]);
+  for (int k = 0; k < MS_MAX_WORK; k++) ms_memory_free(alloc, s->work[k]);
+  *m = (ms_island_sim){.model = m->model};
+}
+
 static void destroy_islands(const msim_allocator *alloc, ms_island_sim *motion, int32_t nislands) {
-  for (int32_t i = 0; i < nislands; i++) {
-    ms_stepper *s = &motion[i].stepper;
-    if (motion[i].is_reused) continue;
-    ms_solver_destroy(s->solver);
-    ms_multirate_destroy(&motion[i].model, s->split);
-    ms_contact_set_destroy(&motion[i].model, s->events);
-    ms_contact_log_destroy(&motion[i].model, s->contact_log);
-    ms_self_contact_destroy(&motion[i].model, motion[i].self_contact);
-    ms_energy_monitor_destroy(&motion[i].model, &motion[i].last_good);
-    ms_norm_destroy(&motion[i].model, &motion[i].norm);
-    ms_error_growth_destroy(&motion[i].model, &motion[i].disturbance);
-    ms_step_verification_destroy(&motion[i].model, &motion[i].verification);
-    ms_model_destroy(&motion[i].model);
-    MS_FREE(alloc, s->x, s->v, s->x_next, s->v_next, s->scratch, s->x_spare[0], s->x_spare[1],
-            s->v_spare[0], s->v_spare[1]);
-    for (int k = 0; k < MS_MAX_WORK; k++) ms_memory_free(alloc, s->work[k]);
+  for (ms_island_sim *m = motion; m < motion + nislands; m++) {
+    if (m->is_reused) continue;
+    destroy_state(alloc, m);
+    ms_model_destroy(&m->model);
   }
   ms_memory_free(alloc, motion);
 }
@@ -199,6 +232,12 @@ ms_island_sims ms_sim_detach_islands(msim_sim *sim) {
   const ms_island_sims old = {sim->nislands, sim->islands, sim->any_single_thread};
   sim->islands = NULL, sim->nislands = 0;
   return old;
+}
+
+void ms_sim_take_models(msim_sim *sim, msim_sim *from) {
+  for (int32_t i = 0; i < from->nislands; i++) destroy_state(&from->alloc, &from->islands[i]);
+  sim->islands = from->islands, sim->nislands = from->nislands;
+  from->islands = NULL, from->nislands = 0;
 }
 
 void ms_sim_destroy_detached(msim_sim *sim, const ms_island_sims *old) {
@@ -218,7 +257,9 @@ void ms_sim_set_solver_scene(msim_sim *sim, ms_scene *scene) {
 msim_status ms_sim_build_islands(msim_sim *sim, int32_t left_out, msim_error *err) {
   const ms_island_sims old = ms_sim_detach_islands(sim);
   if (sim->reuse) sim->reuse->old = &old;
+  if (ms_sim_selects(sim)) sim->like = &old; /* else components or springs have changed */
   const msim_status status = ms_sim_create_islands(sim, left_out, err);
+  sim->like = NULL;
   if (status) {
     ms_sim_restore_islands(sim, &old);
     return status;

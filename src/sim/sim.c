@@ -288,7 +288,7 @@ static msim_status start_created(msim_sim *sim, msim_error *err) {
 }
 
 msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
-                          msim_sim **sim, msim_error *err) {
+                          const ms_island_sims *like, msim_sim **sim, msim_error *err) {
   *sim = NULL;
   msim_options full;
   ms_ranks *ranks = NULL;
@@ -303,7 +303,7 @@ msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_s
   if (status) ms_ranks_destroy(&scene->data->alloc, ranks);
   else status = create_prepared(&load, ranks, opt, choose, &s, err);
   ms_rank_load_destroy(&scene->data->alloc, &load);
-  if (!status) status = start_created(s, err);
+  if (!status) s->like = like, status = start_created(s, err);
   if (status) {
     msim_sim_destroy(s);
     return status;

@@ -79,7 +79,10 @@ struct msim_sim {
   int32_t state_capacity;    /* particles of these arrays */
   ms_retired_state *retired; /* arrays that were too small: borrowed pointers stay valid */
 
-  struct ms_island_reuse *reuse; /* while islands are built for an edited scene; else NULL */
+  struct ms_island_reuse *reuse;     /* while islands are built for an edited scene; else NULL */
+  const struct ms_island_sims *like; /* while islands are built: others of the same scene, if its
+                                        axis is left out, too, with whose models they share what
+                                        they can; else NULL */
 
   int contacts_known;     /* the contact logs of all islands are those of the last step */
   msim_contact *contacts; /* as last requested; NULL: none */
@@ -128,6 +131,10 @@ ms_island_sims ms_sim_detach_islands(msim_sim *sim);
 msim_status ms_sim_create_islands(msim_sim *sim, int32_t left_out, msim_error *err);
 void ms_sim_destroy_detached(msim_sim *sim, const ms_island_sims *old);
 void ms_sim_restore_islands(msim_sim *sim, const ms_island_sims *old);
+
+/* Let the islands that will be built for a new sim share the models of another one, which loses its
+ * islands. */
+void ms_sim_take_models(msim_sim *sim, msim_sim *from);
 
 /* Record that the present solvers were chosen for the springs of that scene, and take over the
  * caller's reference to it; NULL: for the springs of the sim's scene. */
@@ -194,10 +201,10 @@ void ms_sim_warn(const msim_sim *sim, const char *format, ...) MS_PRINTF(2, 3);
 typedef msim_status ms_sim_choose(msim_sim *sim, int late, const msim_state *start,
                                   msim_error *err);
 
-/* As msim_sim_create(), without a check of the arguments. choose: for integrator = auto; else NULL
- * */
+/* As msim_sim_create(), without a check of the arguments. choose: for integrator = auto; else NULL.
+ * like: msim_sim.like, nullable */
 msim_status ms_sim_create(const msim_scene *scene, const msim_options *opt, ms_sim_choose *choose,
-                          msim_sim **sim, msim_error *err);
+                          const ms_island_sims *like, msim_sim **sim, msim_error *err);
 
 /* A sim with the scene and the decisions of another one, but without islands, which must be built
  * next; after an error it may be there, and must be destroyed. */

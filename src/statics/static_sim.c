@@ -68,7 +68,7 @@ msim_status ms_static_sim_create(msim_sim *of, int kind, msim_sim **sim, msim_er
   if (status) return status;
   msim_sim_state(of, &now);
   status = copy_scene(of->scene, now.x, &scene, err);
-  if (!status) status = ms_sim_create(&scene, &opt, NULL, sim, err);
+  if (!status) status = ms_sim_create(&scene, &opt, NULL, NULL, sim, err);
   ms_scene_release(scene.data);
   return status;
 }
