@@ -61,7 +61,7 @@ static msim_status choose_for_planes(msim_sim *sim, const msim_state *now, msim_
   return MSIM_OK;
 }
 
-/* Error control goes on with tol: damping does not remove what impacts do to its errors. */
+/* Impacts cause errors that damping does not remove: error control continues with tol. */
 static void control_with_tol(msim_sim *sim) {
   ms_method_choice *choice = &sim->config.choice;
   sim->config.opt.tol = choice->candidates[choice->best].control_tol = choice->tol;

@@ -36,17 +36,17 @@ enum {
 };
 
 /* The candidates: methods and their evaluations per step, [0] if no force depends on velocities,
- * else [1]; 0: measured. first: evaluations at the first state, if there are many. The leapfrog
- * stands for all explicit methods of order 2. Evaluations of dop853 count 13/12-fold, as it forms
- * so many sums; those of rkc follow from h. ssprk104 is for steps that damping limits, of which
- * error control makes longer ones than bounds on damping allow; relaxed: with a larger tolerance
- * (control_trial.h). tr-bdf2 damps what long steps
- * cannot resolve; implicit methods that do not damp it have to resolve it, and take no longer steps
- * than explicit ones. */
+ * else [1]; 0: measured. first: evaluations at the first state, if there are many. control_tol: the
+ * tolerance of error control over tol; 0: fixed steps. The leapfrog stands for all explicit methods
+ * of order 2. Evaluations of dop853 count 13/12-fold, as it forms so many sums; those of rkc follow
+ * from h. ssprk104 is for steps that damping limits, of which error control makes longer ones than
+ * bounds on damping allow. tr-bdf2 damps what long steps cannot resolve; implicit methods that do
+ * not damp it have to resolve it, and take no longer steps than explicit ones. */
 static const struct {
   const ms_integrator *method[2];
   double evaluations[2];
   double first;
+  double control_tol;
 } candidate_list[MS_CANDIDATES] = {
     [LEAPFROG_METHOD] = {{&ms_verlet, &ms_velocity_verlet}, {1, 2}},
     [LOCATED_IMPACTS] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
@@ -55,12 +55,12 @@ static const struct {
     [STABILISED] = {{&ms_rkc, &ms_rkc}, {2, 2}},
     [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
     [EIGHTH] = {{&ms_dop853, &ms_dop853}, {13, 13}},
-    [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853}, {13, 13}},
-    [DAMPING_CONTROLLED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}},
-    [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853}, {13, 13}},
-    [DAMPING_RELAXED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}},
+    [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853}, {13, 13}, .control_tol = 1},
+    [DAMPING_CONTROLLED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}, .control_tol = 1},
+    [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853}, {13, 13}, .control_tol = MS_RELAXED},
+    [DAMPING_RELAXED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}, .control_tol = MS_RELAXED},
     [MULTIRATE] = {{&ms_respa, &ms_respa}, {0}},
-    [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}}};
+    [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}, .control_tol = 1}};
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
@@ -70,11 +70,8 @@ static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
   return candidate_list[i].method[p->damped || (i == LEAPFROG_METHOD && (p->mid_run || !p->many))];
 }
 
-static int is_relaxed(int i) { return i == ERROR_RELAXED || i == DAMPING_RELAXED; }
-
-static int is_controlled(int i) {
-  return i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED || i == IMPLICIT || is_relaxed(i);
-}
+static int is_controlled(int i) { return candidate_list[i].control_tol > 0; }
+static int is_relaxed(int i) { return candidate_list[i].control_tol > 1; }
 
 static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
@@ -143,12 +140,11 @@ static void set_longest_step(const ms_pilot_run *p, int i, ms_candidate *c) {
 }
 
 static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
-  const int controlled = is_controlled(i);
-  const int located =
-      controlled ? ms_scene_has_obstacles(p->sim->scene) : p->planes_count && i != LEAPFROG_METHOD;
+  const int located = is_controlled(i) ? ms_scene_has_obstacles(p->sim->scene)
+                                       : p->planes_count && i != LEAPFROG_METHOD;
   *c = (ms_candidate){.method = candidate_method(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
-                      .control_tol = controlled * (is_relaxed(i) ? MS_RELAXED : 1) * p->tol,
+                      .control_tol = candidate_list[i].control_tol * p->tol,
                       .step_cost = candidate_list[i].evaluations[p->damped],
                       .cost_rate = INFINITY,
                       .rejection = find_rejection(p, i)};
