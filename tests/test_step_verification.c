@@ -321,7 +321,7 @@ static void sliding_costs_as_much_as_error_control(void **state) {
 static void impacts_of_verlet_are_not_repeated(void **state) {
   (void)state;
   msim_scene *scene = falling_block(5);
-  for (double tol = 1e-3; tol > 3e-6; tol /= 10) {
+  for (double tol = 1e-3; tol > 3e-5; tol /= 10) {
     const msim_options opt = options_of("auto", tol, 0.1);
     msim_sim *sim = make_sim(scene, &opt);
     assert_ok(msim_sim_run(sim, NULL, NULL, err));

@@ -28,7 +28,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 12u
+#define VERSION 13u
 
 typedef struct header {
   char magic[8];

@@ -8,6 +8,7 @@
 #include "contact/contact_change.h"
 #include "contact/contact_impulses.h"
 #include "contact/moving_obstacles.h"
+#include "contact/shortened_step.h"
 #include "physics/signed_distance.h"
 
 /* A step in substeps */
@@ -21,11 +22,13 @@ typedef struct substeps {
   int nsubsteps;    /* substeps made, but for the last */
   int cached_stage; /* the cached-stage tag for the next substep */
   int ends_known;   /* a and a_end are those of the substep just made */
+  int keeps_end;    /* the second spare pair has the end of the step for dense output */
 } substeps;
 
 /* The first impact of a substep */
 typedef struct impact {
   double share;
+  double speed; /* m/s: towards the plane */
   int32_t row;
   const msim_plane *plane;
   double depth; /* m: a bound on the penetration of all particles in the substep */
@@ -121,20 +124,24 @@ static ms_bernstein find_distance_polynomial(substeps *j, int32_t row, const msi
   return sum;
 }
 
-/* The share of the substep before the impact, or MS_NOWHERE; *depth: a bound on the penetration. If
- * the particle touches the plane and does not separate from it, the share is at least LEAST. */
-static double locate_impact(substeps *j, int32_t row, const msim_plane *p, double *depth) {
+/* The impact of a particle with a plane. If it touches the plane and does not separate from it, the
+ * share is at least LEAST. */
+static impact locate_impact(substeps *j, int32_t row, const msim_plane *p) {
   const double LEAST = 1. / 16;
   const ms_collision_planes planes = ms_contact_set_planes(j->s);
+  impact of = {.share = MS_NOWHERE, .row = row, .plane = p};
   double x[3];
-  if (!may_reach_plane(j, row, p)) return MS_NOWHERE;
+  if (!may_reach_plane(j, row, p)) return of;
   ms_unknowns_get(&j->s->model->unknowns, j->s->x, row, x);
   const ms_bernstein path = find_distance_polynomial(j, row, p);
   const double tolerance = ms_impacts_distance_tolerance(&planes, x),
                q = ms_bernstein_find_crossing(&path, tolerance);
   const int leaves = path.c[1] - path.c[0] > tolerance;
-  *depth = -ms_bernstein_lower_bound(&path);
-  return q <= 1 && path.c[0] <= tolerance && !leaves ? fmax(q, LEAST) : q;
+  if (q > 1) return of;
+  of.depth = -ms_bernstein_lower_bound(&path);
+  of.share = path.c[0] <= tolerance && !leaves ? fmax(q, LEAST) : q;
+  of.speed = fabs(ms_bernstein_evaluate_slope(&path, of.share)) / j->s->h;
+  return of;
 }
 
 /* The largest second derivative of a cubic with values x and slopes u at both ends */
@@ -196,12 +203,11 @@ static int may_any_meet_solid(const substeps *j) {
 static void find_particle_impact(substeps *j, int32_t row, const ms_contact *c, impact *first) {
   const ms_collision_planes planes = ms_contact_set_planes(j->s);
   for (const msim_plane *p = planes.plane; p < planes.plane + planes.n - planes.nsolids; p++) {
-    double depth = 0;
     if (c && ms_impacts_contains_plane(&c->on, p)) continue;
-    const double share = locate_impact(j, row, p, &depth);
-    if (share > 1) continue;
-    if (share < first->share) first->share = share, first->row = row, first->plane = p;
-    first->depth = fmax(depth, first->depth);
+    const impact i = locate_impact(j, row, p);
+    const double depth = fmax(i.depth, first->depth);
+    if (i.share < first->share) *first = i;
+    first->depth = depth;
   }
 }
 
@@ -224,7 +230,7 @@ static msim_status make_substep(substeps *j, double length, msim_error *err) {
   j->s->cached_stage = j->cached_stage;
   j->s->h = length, j->s->c = 0;
   j->s->work_in_step = j->work;
-  j->s->dense_output = 0;
+  j->s->dense_output = 0, j->s->h_made = 0;
   const msim_status status = j->method->step(j->s, err);
   if (!status) ms_contact_change_finish_substep(j->s);
   j->ends_known = j->e->ncontacts > 0;
@@ -242,16 +248,10 @@ static double newton_length_factor(const substeps *j, const impact *i) {
   return fmin(fmax(1 + s / (speed * j->s->h), 0.5), 2);
 }
 
-/* Ends the substep at a point of the dense output; interpolate() expects an accepted step. */
+/* Ends the substep at a point of the dense output. */
 static void end_at_dense_output(substeps *j, double share) {
   ms_stepper *s = j->s;
-  double *x = j->e->stage[0], *v = j->e->stage[1];
-  ms_stepper_swap(&s->x, &s->x_next), ms_stepper_swap(&s->v, &s->v_next);
-  j->method->interpolate(s, share, x, v);
-  ms_stepper_swap(&s->x, &s->x_next), ms_stepper_swap(&s->v, &s->v_next);
-  ms_vector_copy(s->model->shape, x, s->x_next);
-  ms_vector_copy(s->model->shape, v, s->v_next);
-  s->h *= share;
+  ms_shortened_step_interpolate(j->method, s, share);
   s->work_in_step = j->work;
   if (j->method->counts_work) ms_stepper_add_trapezoidal_work(s, s->v);
   ms_contact_change_finish_substep(s);
@@ -328,6 +328,10 @@ static void follow_path(substeps *j, int32_t row, double from, const ms_contact 
   if (!p.is_complete) s->path_error = INFINITY, s->path_row = row;
   ms_unknowns_set(rows, p.x, row, s->x_next);
   ms_unknowns_set(rows, p.w, row, s->v_next);
+  if (j->keeps_end && from == 0) {
+    ms_unknowns_set(rows, p.x, row, s->x_spare[1]);
+    ms_unknowns_set(rows, p.w, row, s->v_spare[1]);
+  }
   s->stats->contacts += p.impacts;
   s->work_in_step += s->model->mass[row] * p.work;
   j->e->followed[j->e->nfollowed++] = row;
@@ -399,6 +403,16 @@ static int is_shallow(const substeps *j, double depth) {
   return may_pass && depth <= j->s->x_tolerance && j->s->bounds.rate * depth <= j->s->v_tolerance;
 }
 
+/* Dense output of a step in which particles pass an impact goes on without it, to a penetration
+ * within the tolerances: through their state after the impact it would be wrong before it. */
+static void keep_end(substeps *j) {
+  ms_stepper *s = j->s;
+  j->keeps_end = j->method->path && s->dense_output;
+  if (!j->keeps_end) return;
+  ms_vector_copy(s->model->shape, s->x_next, s->x_spare[1]);
+  ms_vector_copy(s->model->shape, s->v_next, s->v_spare[1]);
+}
+
 static msim_status make_parts(substeps *j, msim_error *err) {
   ms_stepper *s = j->s;
   for (;;) {
@@ -415,8 +429,11 @@ static msim_status make_parts(substeps *j, msim_error *err) {
     if (s->one_substep) {
       const int passes = is_shallow(j, i.depth);
       s->impact = passes ? MS_NOWHERE : i.share;
+      s->impact_row = i.row, s->impact_speed = i.speed;
+      keep_end(j);
       follow_paths(j, i.share <= 1 && passes);
-      ms_contact_impulses_add_lasting(j->method, s, s->v);
+      if (j->keeps_end && j->e->nfollowed) s->h_made = s->h;
+      if (!j->method->path) ms_contact_impulses_add_lasting(j->method, s, s->v);
       return MSIM_OK;
     }
     const double change =

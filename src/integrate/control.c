@@ -146,9 +146,13 @@ ms_attempt ms_control_begin_attempt(const ms_control *c, double t, double left) 
 
 int ms_control_is_shortened(double impact) { return impact < 1 - 1e-9; }
 
+/* Dense output of dop853 has 4 times the error E of its estimate or less in nine of ten random
+ * steps, 2.5 times in the median, where the step has a tenth of E. A step made anew costs so many
+ * evaluations that an impact may add a tenth of tol. */
 ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
-                                    double impact) {
+                                    double impact, double amplification) {
   enum { MOST_CUTS = 8 };
+  const double INTERPOLATED = 4, MOST = 0.1;
   const int is_cut = ms_control_is_shortened(impact) && a->times_shortened < MOST_CUTS;
   if (status || !isnan(error) || !is_cut) {
     ms_control after = *c;
@@ -161,8 +165,10 @@ ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status st
     if (a->times_shortened == 0) *c = after;
     if (!is_cut) return MS_ACCEPTED;
   }
+  const double interpolated = INTERPOLATED * error * a->h / c->span;
+  const int is_shown = interpolated * amplification <= MOST;
   a->times_shortened++;
   ms_control_reset(c);
   a->h *= impact;
-  return MS_TRY_AGAIN;
+  return is_shown ? MS_SHORTENED : MS_TRY_AGAIN;
 }

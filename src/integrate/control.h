@@ -6,8 +6,8 @@
  * (physics/norm.h), and T the length of the run; the part with the largest error decides. So the
  * error at the end is about proportional to tol, by a factor that depends on the scene.
  *
- * A step with an impact is made anew so that it ends at the impact; the particles bounce at the
- * start of the next step. */
+ * A step with an impact ends there: by dense output of the method, if that is accurate enough, or
+ * else it is made anew. The particles bounce at the start of the next step. */
 #ifndef MS_CONTROL_H
 #define MS_CONTROL_H
 
@@ -60,8 +60,9 @@ int ms_control_update(ms_control *c, double h, double r);
 /* The step of h failed: sets the next one to try. */
 void ms_control_reject_failed(ms_control *c, double h);
 
-/* A step under error control: it is attempted until its error is small enough, then made anew to
- * end at its first impact, if any; the controller goes on as after the whole step. */
+/* A step under error control: it is attempted until its error is small enough, then it ends at its
+ * first impact, if any, by dense output or made anew; the controller goes on as after the whole
+ * step. */
 typedef struct ms_attempt {
   double t, left;      /* s: the time at its start; its largest length */
   double planned;      /* s: the controller's step at the start or the last rejection */
@@ -69,7 +70,7 @@ typedef struct ms_attempt {
   int times_shortened; /* how often it was shortened to an impact since the last rejection */
 } ms_attempt;
 
-typedef enum ms_verdict { MS_ACCEPTED, MS_TRY_AGAIN, MS_TOO_SHORT } ms_verdict;
+typedef enum ms_verdict { MS_ACCEPTED, MS_SHORTENED, MS_TRY_AGAIN, MS_TOO_SHORT } ms_verdict;
 
 ms_attempt ms_control_begin_attempt(const ms_control *c, double t, double left);
 
@@ -78,10 +79,11 @@ int ms_control_is_shortened(double impact);
 
 /* Accepts or rejects the step of a->h just made, and sets the next a->h. error: the relative one;
  * NaN: not known, which a step that is shortened does not need; impact: the share of the step
- * before the first, or MS_NOWHERE. MS_TOO_SHORT: the next step would be lost in the rounding of t.
- */
+ * before the first, or MS_NOWHERE; amplification: by which the impact amplifies errors, INFINITY:
+ * dense output does not show the state there. MS_SHORTENED: the step is accepted up to the impact,
+ * and ends at a->h. MS_TOO_SHORT: the next step would be lost in the rounding of t. */
 ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
-                                    double impact);
+                                    double impact, double amplification);
 
 /* Discards the error of the last step, as after an impact. */
 void ms_control_reset(ms_control *c);

@@ -40,6 +40,8 @@ typedef struct ms_stepper {
   double *v_spare[2];
   int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
   double impact;          /* the share of the step before its first impact; > 1: no impact */
+  double impact_speed;    /* m/s: that of the particle towards the plane */
+  int32_t impact_row;     /* its unknown */
   double x_tolerance;     /* m: under error control, the error of x that an event may add */
   double v_tolerance;     /* m/s: ... of v */
   double path_tolerance;  /* m: ... that the turning of curved surfaces may add in the step */
@@ -47,6 +49,8 @@ typedef struct ms_stepper {
   int32_t path_row;       /* the unknown with that error */
   int32_t npaths;         /* number of particle paths in all substeps of the step */
   int dense_output;       /* what dense output of the last step is available; 0: none yet */
+  double h_made;          /* s: dense output is that of a step so long, of which the last one is the
+                             beginning; its end is in the second spare pair. 0: of the last step */
   double solve_tolerance; /* relative error of v that solves may leave; 0: that of the options */
   int32_t offender;       /* the offending unknown if step() fails; -1: none in particular */
   struct ms_multirate *split; /* NULL: the method needs none, or none is cost-effective */

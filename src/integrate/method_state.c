@@ -34,7 +34,11 @@ static void archive_last_step(ms_archive *b, const ms_integrator *method, ms_ste
   MS_ARCHIVE_TRANSFER(b, s->dense_output);
   ms_archive_check(b, s->dense_output >= 0 && s->dense_output <= (method->interpolate ? 3 : 1),
                    "the dense output of the last step");
-  if (MS_ARCHIVE_OPTIONAL(b, s->dense_output == 1)) {
+  MS_ARCHIVE_TRANSFER(b, s->h_made);
+  ms_archive_check(
+      b, s->h_made == 0 || (s->dense_output > 1 && s->h_made >= s->h && isfinite(s->h_made)),
+      "the dense output of the last step");
+  if (MS_ARCHIVE_OPTIONAL(b, s->dense_output == 1 || s->h_made > 0)) {
     ms_archive_transfer_vector(b, shape, s->x_spare[1]);
     ms_archive_transfer_vector(b, shape, s->v_spare[1]);
   }
@@ -44,7 +48,7 @@ static void archive_last_step(ms_archive *b, const ms_integrator *method, ms_ste
 
 /* As before the first step: nothing of the last one is known but what is read. */
 static void forget_last_step(ms_stepper *s) {
-  s->dense_output = s->cached_stage_next = 0;
+  s->dense_output = s->cached_stage_next = 0, s->h_made = 0;
   ms_contact_set_forget(s->events);
 }
 

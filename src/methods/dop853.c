@@ -112,17 +112,11 @@ static void evaluate_dense_stages(ms_stepper *s, int tag, const double *x, const
 /* v: the cubic interpolant + h sum_j d_j k_j,  x: the cubic interpolant + h^2 sum_j dd_j k_j,
  *   d_j = t^2 u^2 D_0j + t^3 u^2 D_1j + t^3 u^3 D_2j + t^4 u^3 D_3j,  t = theta,  u = 1 - theta
  * with three more stages; dd_j: with DD. If the end was reflected: the cubic one alone. */
-static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v) {
+static void interpolate_step(ms_stepper *s, double theta, double *x, double *v) {
   const double t = theta, u = 1 - theta;
   const double w[4] = {t * t * u * u, t * t * t * u * u, t * t * t * u * u * u,
                        t * t * t * t * u * u * u};
   const ms_shape shape = s->model->shape;
-  if (!s->dense_output && s->cached_stage)
-    evaluate_dense_stages(s, s->cached_stage, s->x_next, s->v_next, x, v);
-  if (s->dense_output < DENSE_STAGES_AT) {
-    ms_interpolate_cubic(s, theta, x, v);
-    return;
-  }
   double *k[STAGES], row[STAGES] = {0}, row2[STAGES] = {0};
   find_slopes(s, s->dense_output == DENSE_STAGES_AT, k);
   for (int j = 0; j < STAGES; j++)
@@ -132,6 +126,18 @@ static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v
   ms_interpolate_hermite(shape, s->h, theta, x_ends, x);
   ms_interpolate_hermite(shape, s->h, theta, v_ends, v);
   add_slopes(s, (slope_sums){.x = x, .v = v, .to_x = x, .to_v = v}, row2, row, k);
+}
+
+static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v) {
+  if (!s->dense_output && s->cached_stage)
+    evaluate_dense_stages(s, s->cached_stage, s->x_next, s->v_next, x, v);
+  if (s->dense_output < DENSE_STAGES_AT) ms_interpolate_cubic(s, theta, x, v);
+  else if (s->h_made == 0) interpolate_step(s, theta, x, v);
+  else {
+    ms_stepper made = *s;
+    made.h = s->h_made, made.x = s->x_spare[1], made.v = s->v_spare[1];
+    interpolate_step(&made, theta * s->h / s->h_made, x, v);
+  }
 }
 
 /* t^2 u^2, t^3 u^2, t^3 u^3 and t^4 u^3 are multiples of one Bernstein polynomial each, of degrees

@@ -41,6 +41,13 @@ double ms_bernstein_evaluate(const ms_bernstein *s, double q) {
   return right.c[0];
 }
 
+/* ds/dq has the coefficients n (s_(i+1) - s_i). */
+double ms_bernstein_evaluate_slope(const ms_bernstein *s, double q) {
+  ms_bernstein slope = {.degree = s->degree - 1};
+  for (int i = 0; i < s->degree; i++) slope.c[i] = s->degree * (s->c[i + 1] - s->c[i]);
+  return ms_bernstein_evaluate(&slope, q);
+}
+
 double ms_bernstein_lower_bound(const ms_bernstein *s) {
   double least = s->c[0];
   for (int i = 1; i <= s->degree; i++) least = fmin(least, s->c[i]);

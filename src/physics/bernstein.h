@@ -28,6 +28,8 @@ void ms_bernstein_elevate(ms_bernstein *s);
 
 double ms_bernstein_evaluate(const ms_bernstein *s, double q);
 
+double ms_bernstein_evaluate_slope(const ms_bernstein *s, double q);
+
 /* The least coefficient, a lower bound of the values in [0, 1]. */
 double ms_bernstein_lower_bound(const ms_bernstein *s);
 

@@ -5,6 +5,7 @@
 #include "contact/contact_log.h"
 #include "contact/contact_set.h"
 #include "contact/events.h"
+#include "contact/shortened_step.h"
 #include "physics/force_function.h"
 #include "physics/moving_pins.h"
 
@@ -114,6 +115,20 @@ static msim_status make_estimated_step(const msim_sim *sim, const ms_integrator 
   const msim_status status = ms_island_step_make_substeps(sim, method, s, 1, err);
   if (!status && s->events) ms_contact_set_save_start(s->events, s->model->shape);
   return status;
+}
+
+/* An error dx of x moves the impact by dx/|n.v| in time, which changes v by U/|n.v| dx U/L. Beyond
+ * the limit of stability dense output is less accurate than the step: of a vibration with h omega =
+ * 4, 6, 8, 10 its error is 3, 8, 22, 51 times the estimate of dop853. */
+double ms_island_step_find_amplification(const ms_island_sim *m) {
+  const double STABLE = 5;
+  const ms_stepper *s = &m->stepper;
+  const double fast = s->h * fmax(s->bounds.omega, s->bounds.rate) / STABLE;
+  double slow = 1;
+  if (!ms_shortened_step_is_possible(s)) return INFINITY;
+  if (s->impact <= 1)
+    slow = fmax(1, m->norm.body[m->norm.body_of[s->impact_row]].speed / s->impact_speed);
+  return slow * (1 + pow(fast, 4));
 }
 
 /* e sqrt(n_p/(2 n))/v_tolerance, which is proportional to h^3: the largest error e of n_p paths, as

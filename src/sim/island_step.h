@@ -17,6 +17,11 @@ msim_status ms_island_step_make_controlled(const msim_sim *sim, const ms_integra
                                            struct ms_island_sim *m, const ms_control *c,
                                            msim_error *err);
 
+/* By how much dense output at an impact in the step just made amplifies the error of the step: at
+ * least 1; U/|n.v| of the first impact of this island, U the speed of errors (physics/norm.h); more
+ * beyond the limit of stability. INFINITY: it does not show the state of the island there. */
+double ms_island_step_find_amplification(const struct ms_island_sim *m);
+
 /* The error of particles on paths of their own (impact_location.h) in the step, over what an event
  * may add. */
 double ms_island_step_find_path_error(const struct ms_island_sim *m);

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "contact/contact_set.h"
 #include "contact/events.h"
+#include "contact/shortened_step.h"
 #include "integrate/interpolate.h"
 #include "methods/methods.h"
 #include "physics/moving_pins.h"
@@ -149,11 +150,15 @@ static void count_work(msim_sim *sim) {
   sim->run.work += sum, sim->run.moved += fabs(sum);
 }
 
+/* 1: something does work on the scene. */
+static int has_work(const msim_sim *sim) {
+  return sim->scene->nmotions || ms_collider_motion_is_there(sim->scene) ||
+         ms_scene_has_function(sim->scene);
+}
+
 static void accept_step(msim_sim *sim) {
   int32_t resting = 0, incomplete = 0;
-  if (sim->scene->nmotions || ms_collider_motion_is_there(sim->scene) ||
-      ms_scene_has_function(sim->scene))
-    count_work(sim);
+  if (has_work(sim)) count_work(sim);
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     resting += m->at_rest;
     incomplete |= m->stepper.incomplete;
@@ -261,6 +266,22 @@ static msim_status report_shortest_step(msim_sim *sim, const step_outcome *o, ms
   return report_failed_step(sim, worst, sim->run.t + h, MSIM_NOT_CONVERGED, why, err);
 }
 
+/* The largest of all islands. INFINITY, too, where something does work: that in a part of a step is
+ * not known accurately. */
+static double find_amplification(const msim_sim *sim) {
+  double largest = sim->config.integrator->path && !has_work(sim) ? 0 : INFINITY;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    if (!m->at_rest) largest = fmax(largest, ms_island_step_find_amplification(m));
+  return largest;
+}
+
+/* End the step just made at that share of its length, at an impact, or 1. */
+static void end_step(const msim_sim *sim, double share) {
+  const ms_integrator *method = sim->config.integrator;
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands && method->path; m++)
+    if (m->stepper.events && !m->at_rest) ms_shortened_step_end(method, &m->stepper, share);
+}
+
 /* On failure the step controller keeps its state, too. */
 static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
   const ms_control before = sim->run.control;
@@ -274,14 +295,16 @@ static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
     const step_outcome o =
         try_all_islands(sim, h, ms_control_allowed_error(&sim->run.control, h), &why);
     const double error = o.m ? 0 : largest_error(sim, &worst);
-    const ms_verdict verdict =
-        ms_control_judge_attempt(&sim->run.control, &a, o.status, error, first_impact(sim));
-    if (verdict == MS_ACCEPTED) {
+    const double impact = first_impact(sim);
+    const ms_verdict verdict = ms_control_judge_attempt(&sim->run.control, &a, o.status, error,
+                                                        impact, find_amplification(sim));
+    if (verdict == MS_ACCEPTED || verdict == MS_SHORTENED) {
       const double t = sim->run.t;
       const msim_status status = ms_rank_sim_agree_on_step(sim, MSIM_OK, err);
       if (status) return status;
+      end_step(sim, verdict == MS_SHORTENED ? impact : 1);
       accept_step(sim);
-      advance_time(sim, h, stop);
+      advance_time(sim, a.h, stop);
       ms_sim_move_pins(sim, t);
       sim->run.h = sim->run.control.h;
       return MSIM_OK;

@@ -7,6 +7,7 @@
 #include "physics/signed_distance.h"
 #include "physics/single.h"
 #include "contact/contact_set.h"
+#include "contact/shortened_step.h"
 #include "methods/methods.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
@@ -188,11 +189,14 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
   const int64_t contacts = s->stats->contacts;
   ms_attempt a = ms_control_begin_attempt(c, ms_sim_time(sim), *left);
   for (;;) {
-    const double h = s->h = a.h;
+    s->h = a.h;
     const msim_status status = ms_island_step_make_controlled(sim, substep_method, m, c, err);
     if (status && !ms_island_step_may_retry(status)) return status;
-    const ms_verdict verdict = ms_control_judge_attempt(c, &a, status, m->error, s->impact);
-    if (verdict == MS_ACCEPTED) {
+    const ms_verdict verdict = ms_control_judge_attempt(c, &a, status, m->error, s->impact,
+                                                        ms_island_step_find_amplification(m));
+    const double h = a.h;
+    if (verdict == MS_SHORTENED) ms_shortened_step_end(substep_method, s, s->impact);
+    if (verdict == MS_ACCEPTED || verdict == MS_SHORTENED) {
       if (h < a.planned) c->h = fmax(c->h, a.planned); /* the end of the step, or an impact */
       *left = h == *left ? 0 : *left - h;
       swap_to_next(s);
@@ -202,7 +206,7 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
     s->stats->rejected_steps++;
     if (verdict == MS_TOO_SHORT)
       return ms_error_set(err, MSIM_NOT_CONVERGED,
-                          "the error is too large even with h = %.3g s; use a larger tol", h);
+                          "the error is too large even with h = %.3g s; use a larger tol", s->h);
   }
 }
 
