@@ -102,7 +102,7 @@ static msim_options options_of(const ms_pilot_run *p, const ms_integrator *metho
   return opt;
 }
 
-/* The scene is laid out once for all sims. */
+/* All sims share the layout of the first one, or of the islands of a run that has begun. */
 static msim_status create_sim(const ms_pilot_run *p, const msim_options *opt, msim_sim **sim,
                               msim_error *err) {
   msim_scene scene = {.data = p->sim->scene};

@@ -63,7 +63,7 @@ static msim_status create_islands(const msim_sim *sim, ms_rank_order *order, ms_
   return status ? status : ms_rank_part_create_island(sim->scene, sim->part, order, islands, err);
 }
 
-/* 1: models of the present scene are those of other islands (msim_sim.like). */
+/* 1: there are islands whose models the new ones can share. */
 static int has_like(const msim_sim *sim, int32_t left_out) {
   const ms_island_sims *like = sim->like;
   return like && like->n > 0 && like->islands->model.scene == sim->scene &&

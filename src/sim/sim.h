@@ -80,9 +80,9 @@ struct msim_sim {
   ms_retired_state *retired; /* arrays that were too small: borrowed pointers stay valid */
 
   struct ms_island_reuse *reuse;     /* while islands are built for an edited scene; else NULL */
-  const struct ms_island_sims *like; /* while islands are built: others of the same scene, if its
-                                        axis is left out, too, with whose models they share what
-                                        they can; else NULL */
+  const struct ms_island_sims *like; /* while islands are built: those with which new models share
+                                        what they can (ms_model_create_like), if scene and axis
+                                        left out are the same; else NULL */
 
   int contacts_known;     /* the contact logs of all islands are those of the last step */
   msim_contact *contacts; /* as last requested; NULL: none */
