@@ -78,6 +78,18 @@ static inline msim_scene *make_single_particle(const double x[3], const double v
   return scene;
 }
 
+/* Two particles of 1 kg joined by a spring without rest length; the first one is pinned. */
+static inline msim_scene *make_oscillator(const double x[6], const double v[6], double k) {
+  const double mass[2] = {1, 1}, rest = 0;
+  const int32_t ij[2] = {0, 1}, pin = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  return scene;
+}
+
 static inline void plane(msim_scene *scene, double nx, double ny, double nz, double offset,
                          double restitution, double friction) {
   const msim_plane p = {{nx, ny, nz}, offset, restitution, friction};

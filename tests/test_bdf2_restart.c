@@ -6,15 +6,8 @@
 
 /* A mass of 1 kg on a spring of rest length 0, 1 m from its pin: x = cos(10 t) + sin(10 t) */
 static msim_scene *oscillator(void) {
-  const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, 10, 0, 0}, mass[2] = {1, 1};
-  const double k = 100, rest = 0;
-  const int32_t ij[2] = {0, 1}, pin = 0;
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
-  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-  assert_ok(msim_scene_pin(scene, 1, &pin, err));
-  return scene;
+  const double x[6] = {0, 0, 0, 1, 0, 0}, v[6] = {0, 0, 0, 10, 0, 0};
+  return make_oscillator(x, v, 100);
 }
 
 /* The error of a first step of h; *estimate: its error estimate. tol = 0: a fixed step */

@@ -430,17 +430,12 @@ static void a_cloth_lies_down_cheaply(void **state) {
 static void a_graze_keeps_the_order(void **state) {
   (void)state;
   enum { PHASES = 48 };
-  const double tol = 1e-5, T = 2, k = 9, rest = 0, mass[2] = {1, 1};
-  const int32_t ij[2] = {0, 1}, pin = 0;
+  const double tol = 1e-5, T = 2, k = 9;
   for (int i = 0; i < PHASES; i++) {
     const double angle = 6.283185307179586 * i / PHASES + 0.01, end = angle + 3 * T;
     const double x[6] = {0, 0, 0, cos(angle), 0, sin(angle)},
                  v[6] = {0, 0, 0, -3 * sin(angle), 0, 3 * cos(angle)};
-    msim_scene *scene;
-    assert_ok(msim_scene_create(NULL, &scene, err));
-    assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
-    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-    assert_ok(msim_scene_pin(scene, 1, &pin, err));
+    msim_scene *scene = make_oscillator(x, v, k);
     plane(scene, 0, 0, 1, 1e-10 - 1, 0, 0);
     msim_options opt = options("dop853", 0.03);
     opt.tol = tol, opt.t_end = T, opt.steps = -1;

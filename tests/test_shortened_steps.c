@@ -11,14 +11,8 @@
 /* A mass on a spring without rest length, which bounces at a plane: from its equilibrium, 1 m above
  * the plane, downwards at twice the speed that reaches the plane */
 static msim_scene *make_bouncer(double restitution, double friction) {
-  const double x[6] = {0, 0, 1, 0, 0, 1}, v[6] = {0, 0, 0, 0, 0, -2 * OMEGA}, mass[2] = {1, 1};
-  const double k = OMEGA * OMEGA, rest = 0;
-  const int32_t ij[2] = {0, 1}, pin = 0;
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
-  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  const double x[6] = {0, 0, 1, 0, 0, 1}, v[6] = {0, 0, 0, 0, 0, -2 * OMEGA};
+  msim_scene *scene = make_oscillator(x, v, OMEGA * OMEGA);
   plane(scene, 0, 0, 1, 0, restitution, friction);
   return scene;
 }
@@ -74,8 +68,8 @@ static void frames_are_accurate(void **state) {
   msim_scene_destroy(scene);
 }
 
-/* Steps from one impact to the next: a flight is a polynomial, which a step does not change. */
-static void flights_take_few_steps(void **state) {
+/* Steps from one impact to the next: free fall is a polynomial of time, which steps reproduce. */
+static void free_fall_takes_few_steps(void **state) {
   (void)state;
   const double g = 9.81, fall = sqrt(2 / g), x[3] = {0, 0, 1}, v[3] = {0};
   msim_scene *scene = make_single_particle(x, v, g);
@@ -277,7 +271,7 @@ static void runs_resume_inside(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(frames_are_accurate),        cmocka_unit_test(flights_take_few_steps),
+      cmocka_unit_test(frames_are_accurate),        cmocka_unit_test(free_fall_takes_few_steps),
       cmocka_unit_test(slow_impacts_are_made_anew), cmocka_unit_test(sliders_stay_on_the_plane),
       cmocka_unit_test(islands_end_together),       cmocka_unit_test(runs_resume_inside)};
   return cmocka_run_group_tests_name("shortened_steps", tests, NULL, NULL);
