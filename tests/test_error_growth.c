@@ -94,6 +94,28 @@ static void regular_motion_is_not_reported(void **state) {
   }
 }
 
+/* Strides stay stable if springs in tension get a hundred times stiffer, so that nothing grows
+ * until others that push make the line unstable. */
+static void new_springs_start_the_measurement_anew(void **state) {
+  const double stiff[2] = {5000, 5000}, longer[2] = {0.55, 0.55};
+  const char *text;
+  reports r;
+  msim_scene *scene = column(1, 0.25, 0, 0);
+  const msim_options opt = options_to("dop853", 1e-7, 30, &r);
+  msim_sim *sim = make_sim(scene, &opt);
+  (void)state;
+  while (state_of(sim).t < 10) assert_ok(msim_sim_step(sim, 1, err));
+  assert_ok(msim_sim_set_springs(sim, stiff, NULL, NULL, err));
+  while (state_of(sim).t < 20) assert_ok(msim_sim_step(sim, 1, err));
+  assert_ok(msim_sim_explain(sim, &text, err));
+  assert_non_null(strstr(text, "growth of errors: measured"));
+  assert_int_equal(r.n, 0);
+  assert_ok(msim_sim_set_springs(sim, NULL, longer, NULL, err));
+  assert_ok(msim_sim_run(sim, NULL, 0, err));
+  assert_int_equal(r.n, 1);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 static double distance(const msim_scene *scene, const msim_options *a, const msim_options *b) {
   msim_sim *sim[2] = {make_sim(scene, a), make_sim(scene, b)};
   msim_state s[2];
@@ -306,8 +328,8 @@ static void fill(ms_shape shape, int32_t row, double value, double *x) {
   for (int32_t c = 0; c < shape.dims; c++) x[c * shape.stride + row] = value;
 }
 
-/* A checkpoint with a correct hash may hold any such numbers of the measurement. The run goes on,
- * and what it saves can be loaded. */
+/* A checkpoint with a correct hash may hold any such numbers of the measurement, and counts that
+ * let it cost more. The run goes on, without endless strides, and what it saves can be loaded. */
 static void forged_measurements_can_be_saved(void **state) {
   static const double values[] = {0, 1e-300, 1e-150, 1, MS_LARGEST_VALID, 1e200, 1e300, INFINITY};
   const double gravity[3] = {-2.65, -4.5, -8.3};
@@ -329,6 +351,7 @@ static void forged_measurements_can_be_saved(void **state) {
     fill(shape, i % 7, values[i / NVALUES / NVALUES % NVECTORS], d->dv);
     fill(shape, i % 5, values[i / NVALUES / NVALUES / NVECTORS], d->a);
     if (i % 3 == 0) d->error = 0;
+    if (i % 5 == 0) sim->stats.force_evaluations = INT64_MAX / 4;
     sim->error_growth.has_contact = 1;
     const checkpoint forged = save(sim);
     msim_sim *forged_sim = resume(scene, &opt, &forged);
@@ -344,6 +367,7 @@ static void forged_measurements_can_be_saved(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(growth_is_that_of_the_unstable_mode),
                                      cmocka_unit_test(regular_motion_is_not_reported),
+                                     cmocka_unit_test(new_springs_start_the_measurement_anew),
                                      cmocka_unit_test(chaos_is_reported_once),
                                      cmocka_unit_test(the_measurement_changes_no_bit),
                                      cmocka_unit_test(resumed_runs_measure_the_same),

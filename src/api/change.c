@@ -182,6 +182,7 @@ msim_status msim_sim_set_springs(msim_sim *sim, const double *k, const double *r
   if (status) return status;
   sim->config.step_limit.tightness = sim->config.step_limit.from_auto = 0;
   ms_energy_monitor_start(sim);
+  ms_error_growth_change_springs(sim);
   ms_step_limit_warn(sim);
   return ms_error_clear(err);
 }

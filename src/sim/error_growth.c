@@ -8,7 +8,7 @@
 #include "methods/methods.h"
 #include "sim/sim.h"
 
-enum { FEW_SPRINGS = 128 };
+enum { FEW_SPRINGS = 128, FREE = 64 /* evaluations that are never too expensive */ };
 static const double LENGTH = 1e-7; /* the length that d is scaled to */
 
 int ms_error_growth_is_measurable(const ms_model *model) {
@@ -120,7 +120,7 @@ static void report_growth(msim_sim *sim, double growth) {
 }
 
 static int is_too_expensive(const msim_sim *sim) {
-  const double FREE = 64, MOST = 0.2;
+  const double MOST = 0.2;
   const ms_error_growth *s = &sim->error_growth;
   const int64_t others = sim->stats.force_evaluations - s->evaluations0;
   return (double)s->evaluations > FREE + MOST * (double)others;
@@ -208,7 +208,10 @@ static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
                run = ms_sim_time(sim) - sim->config.plan.t0;
   const ms_stepper *s = &m->stepper;
   ms_disturbance *d = &m->disturbance;
-  for (d->time += h; d->time >= d->stride && !is_too_expensive(sim); d->time -= d->stride) {
+  d->time += h;
+  if (d->time > FREE * d->stride) sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
+  if (sim->error_growth.state != MS_ERROR_GROWTH_MEASURED) return;
+  for (; d->time >= d->stride && !is_too_expensive(sim); d->time -= d->stride) {
     const double theta = 1 - (d->time - d->stride) / h;
     const double *const ends[] = {d->x, s->x, d->v, s->v};
     ms_interpolate_hermite(s->model->shape, h, theta, ends, s->x_spare[0]);
@@ -223,17 +226,20 @@ static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
   copy_step_start(m);
 }
 
-/* Start measuring at the first contact, even if it was too expensive before. */
-static void start_at_contact(msim_sim *sim) {
+/* From here on, with E as if earlier errors had not grown. */
+static void start_anew(msim_sim *sim) {
   ms_error_growth *s = &sim->error_growth;
-  s->has_contact = 1;
-  if (s->state != MS_ERROR_GROWTH_TOO_EXPENSIVE) return;
-  *s = (ms_error_growth){.evaluations0 = sim->stats.force_evaluations, .has_contact = 1};
+  s->state = MS_ERROR_GROWTH_MEASURED;
+  s->evaluations0 = sim->stats.force_evaluations, s->evaluations = 0;
   for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
     ms_error_growth_start_island(m);
     m->disturbance.error =
         (ms_sim_time(sim) - sim->config.plan.t0) / ms_plan_span(&sim->config.plan);
   }
+}
+
+void ms_error_growth_change_springs(msim_sim *sim) {
+  if (sim->error_growth.state == MS_ERROR_GROWTH_MEASURED) start_anew(sim);
 }
 
 void ms_error_growth_follow(msim_sim *sim, double h) {
@@ -242,7 +248,9 @@ void ms_error_growth_follow(msim_sim *sim, double h) {
     if (m->disturbance.dx && m->disturbance.stride < INFINITY && !m->at_rest &&
         s->state == MS_ERROR_GROWTH_MEASURED)
       follow_island(sim, m, h);
-  if (!s->has_contact && sim->stats.contacts > s->contacts0) start_at_contact(sim);
+  if (s->has_contact || sim->stats.contacts <= s->contacts0) return;
+  s->has_contact = 1;
+  if (s->state == MS_ERROR_GROWTH_TOO_EXPENSIVE) start_anew(sim);
 }
 
 void ms_error_growth_explain(const msim_sim *sim, ms_text *out) {

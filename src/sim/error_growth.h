@@ -77,6 +77,9 @@ void ms_error_growth_start(struct msim_sim *sim);
 
 void ms_error_growth_start_island(struct ms_island_sim *m);
 
+/* The springs have changed, and with them the stable stride. */
+void ms_error_growth_change_springs(struct msim_sim *sim);
+
 /* Follow the step of h just accepted. */
 void ms_error_growth_follow(struct msim_sim *sim, double h);
 
