@@ -358,16 +358,19 @@ void ms_energy_monitor_restore(msim_sim *sim, msim_error *err) {
 
 void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, const ms_run_state *run,
                                ms_energy_monitor *w) {
-  double *numbers[] = {&w->energy_bound, &w->start_bound,     &w->start_external_work,
-                       &w->start_moved,  &w->extent,          &w->least_mass,
-                       &w->t0,           &w->good.t,          &w->good.t_rounding,
-                       &w->good.work,    &w->good.pin_energy, &w->good.moved};
+  double *bounds[] = {
+      &w->energy_bound, &w->start_bound, &w->start_external_work, &w->start_moved, &w->extent,
+      &w->least_mass,   &w->t0};
+  double *numbers[] = {&w->good.t, &w->good.t_rounding, &w->good.work, &w->good.pin_energy,
+                       &w->good.moved};
   if (b->direction == MS_ARCHIVE_READ) w->good = *run;
   if (!monitor_is_on(sim)) return;
   ms_archive_transfer_count(b, &w->good.step);
-  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) MS_ARCHIVE_TRANSFER(b, *numbers[i]);
-  ms_archive_check(b, isfinite(w->good.t) && isfinite(w->good.t_rounding) && isfinite(w->good.work),
-                   "the time or work of the last good state");
+  for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++) MS_ARCHIVE_TRANSFER(b, *bounds[i]);
+  for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+    MS_ARCHIVE_TRANSFER(b, *numbers[i]);
+    ms_archive_check(b, isfinite(*numbers[i]), "the time or work of the last good state");
+  }
   ms_control_archive(b, &w->good.control);
 }
 
