@@ -10,11 +10,21 @@
  * by 2 to 6 %. */
 enum { STEPS = 6 };
 
-int ms_control_trial_may_relax(const ms_pilot_run *p) {
-  const double MOST = 0.1, OF_STEP = 0.25;
-  const double h = MS_LOOSE * ms_pilot_run_stable_step(p, &ms_ssprk104);
+/* 1: a step of h with the relaxed tolerance adds at most tol/4 to the error. */
+static int adds_little(const ms_pilot_run *p, double h) {
+  const double MOST = 0.25;
+  return MS_RELAXED * h <= MOST * p->span;
+}
+
+int ms_control_trial_may_relax(const ms_pilot_run *p, const ms_integrator *method) {
+  const double MOST = 0.1;
   return ms_pilot_run_is_limited_by_damping(p) && !p->planes_count && MS_RELAXED <= MOST / p->tol &&
-         MS_RELAXED * h <= OF_STEP * p->span;
+         adds_little(p, ms_pilot_run_stable_step(p, method));
+}
+
+int ms_control_trial_relaxes_first(const ms_pilot_run *p) {
+  return ms_control_trial_may_relax(p, &ms_ssprk104) &&
+         adds_little(p, MS_LOOSE * ms_pilot_run_stable_step(p, &ms_ssprk104));
 }
 
 static int is_relaxed(const ms_pilot_run *p, const ms_candidate *c) {
@@ -63,9 +73,11 @@ static double later_shortening(const ms_pilot_run *p, const ms_candidate *c, dou
 static msim_status check_relaxed(ms_pilot_run *p, msim_sim *trial, ms_candidate *c,
                                  msim_error *err) {
   msim_state end = {.size = sizeof end};
+  msim_status status = MSIM_OK;
   msim_sim_state(trial, &end);
-  msim_status status =
-      ms_pilot_run_compare_end(p, c->method, &end, trial->run.step, &c->error, err);
+  c->error = INFINITY;
+  if (adds_little(p, c->h))
+    status = ms_pilot_run_compare_end(p, c->method, &end, trial->run.step, &c->error, err);
   if (c->error > p->tol) c->rejection = MS_REASON_ERROR_TOO_LARGE;
   if (c->rejection) c->cost_rate = INFINITY;
   return status;

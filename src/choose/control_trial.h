@@ -19,11 +19,16 @@
 #define MS_LOOSE 2.5
 
 /* The relaxed tolerance, over tol. It is a candidate where damping limits the steps and no plane
- * counts, if it is 0.1 at most, and if a step adds at most tol/4, as the errors of motion that
- * becomes rougher do not decay. Verified steps have the same limits (verification_setup.c). So the
- * run has 200 steps or more: in shorter ones the trial would cost more than it saves. */
+ * counts, if it is 0.1 at most, and if a step, of the trial, too, adds at most tol/4, as the errors
+ * of motion that becomes rougher do not decay. Verified steps have the same limits
+ * (verification_setup.c). So the run has 200 steps or more: in shorter ones the trial would cost
+ * more than it saves. */
 #define MS_RELAXED 50
-int ms_control_trial_may_relax(const ms_pilot_run *p);
+int ms_control_trial_may_relax(const ms_pilot_run *p, const ms_integrator *method);
+
+/* 1: in a run so long that steps MS_LOOSE times the limit would add no more, methods are tried with
+ * tol only if the relaxed tolerance does not keep it. */
+int ms_control_trial_relaxes_first(const ms_pilot_run *p);
 
 /* The number of steps that a trial of c makes without planes, those that show its error included */
 double ms_control_trial_steps(const ms_pilot_run *p, const ms_candidate *c);

@@ -86,9 +86,10 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   if ((i == STABILISED || for_damping) && !p->damped) return MS_REASON_UNDAMPED;
   if (for_damping && planes) return MS_REASON_TRIAL_TOO_EXPENSIVE;
   if (for_damping && !ms_pilot_run_is_limited_by_damping(p)) return MS_REASON_WEAKLY_DAMPED;
-  if (is_relaxed(i) && !ms_control_trial_may_relax(p)) return MS_REASON_NOT_RELAXED;
-  if ((i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED) && ms_control_trial_may_relax(p) &&
-      !p->few)
+  if (is_relaxed(i) && !ms_control_trial_may_relax(p, candidate_method(p, i)))
+    return MS_REASON_NOT_RELAXED;
+  if ((i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED) && !p->few &&
+      ms_control_trial_relaxes_first(p))
     return MS_REASON_RELAXED;
   if (i == STABILISED && ms_pilot_run_stable_step(p, &ms_rkc) == 0) return MS_REASON_NEVER_STABLE;
   if (!p->many && !planes && !ms_control_is_supported(candidate_method(p, i)))
@@ -216,6 +217,7 @@ static void expect_fixed_steps(const ms_pilot_run *p, double h, ms_candidate *fi
 /* The relaxed candidate i does not keep tol: the method with tol is one. */
 static void admit_with_tol(const ms_pilot_run *p, int i, ms_candidate *c) {
   const int with_tol = i == ERROR_RELAXED ? ERROR_CONTROLLED : DAMPING_CONTROLLED;
+  if (c[with_tol].rejection != MS_REASON_RELAXED) return;
   c[with_tol].rejection = MS_REASON_NONE;
   set_longest_step(p, with_tol, &c[with_tol]);
 }
