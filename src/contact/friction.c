@@ -52,28 +52,59 @@ static double invert_power_integral(double p, double value) {
   return p * value < 1 ? log1p(-p * value) / p : -INFINITY;
 }
 
-/* d = ln(u/u0) <= 0 after the time t: power_integral(k - 1, d) + E power_integral(k + 1, d) = t A
- * (1 + E)/|v| =: time with E = u0^2. Newton's method between bounds, from the root of the terms of
- * the second order in d; each term alone gives a lower bound. A change e of d leaves an error of
- * (k + 1) e^2/2 at most. */
-static double find_log_tangent(double k, double E, double time) {
+/* What find_log_tangent() solves: power_integral(k - 1, d) + E power_integral(k + 1, d) = time */
+typedef struct tangent_equation {
+  double k, E, time;
+} tangent_equation;
+
+/* Newton's method: *off, left side minus right side, and the change of d that follows */
+static double newton_change(const tangent_equation *e, double d, double *off) {
+  double rate[2];
+  *off = power_integral(e->k - 1, d, &rate[0]) + e->E * power_integral(e->k + 1, d, &rate[1]) -
+         e->time;
+  return *off / (rate[0] + e->E * rate[1]);
+}
+
+/* 1: after the change d is off by (k + 1) change^2/2 at most, which is rounding. */
+static int is_last_change(const tangent_equation *e, double d, double change) {
+  const double SMALL = 1e-8;
+  return fabs(change) <= SMALL * fabs(d) && fabs(change) * (e->k + 1) <= SMALL;
+}
+
+/* The same between bounds; each term of the equation alone gives a lower one. */
+static double find_bounded_root(const tangent_equation *e, double d) {
   enum { MOST = 100 };
-  const double SMALL = 1e-8, s = time / (1 + E), bend = (k - 1 + E * (k + 1)) / (1 + E);
-  double high = 0,
-         low = fmax(invert_power_integral(k - 1, time), invert_power_integral(k + 1, time / E));
+  const double k = e->k;
+  double high = 0, low = fmax(invert_power_integral(k - 1, e->time),
+                              invert_power_integral(k + 1, e->time / e->E));
   low = fmax(low, -700 / fabs(k - 1)); /* so that exp((k - 1) d) does not overflow */
-  double d = fmax(low, fmin(0, -s - 0.5 * bend * s * s));
+  d = fmax(low, fmin(0, d));
   for (int i = 0; i < MOST; i++) {
-    double rate[2];
-    const double off =
-        power_integral(k - 1, d, &rate[0]) + E * power_integral(k + 1, d, &rate[1]) - time;
+    double off;
+    const double change = newton_change(e, d, &off);
     if (off > 0) low = d;
     else high = d;
-    const double change = off / (rate[0] + E * rate[1]);
-    if (fabs(change) <= SMALL * fabs(d) && fabs(change) * (k + 1) <= SMALL) return d + change;
+    if (is_last_change(e, d, change)) return d + change;
     d = d + change > low && d + change < high ? d + change : 0.5 * (low + high);
   }
   return d;
+}
+
+/* d = ln(u/u0) <= 0 after the time t, with E = u0^2 and time = t A (1 + E)/|v|. With s = time/(1 +
+ * E) and the weighted means m_j = ((k - 1)^j + E (k + 1)^j)/(1 + E) the equation is
+ *   -d - m_1 d^2/2 - m_2 d^3/6 - m_3 d^4/24 - ... = s,
+ * so that d = -s - m_1 s^2/2 - (m_1^2/2 - m_2/6) s^3 - (5 m_1^3/8 - 5 m_1 m_2/12 + m_3/24) s^4 -
+ * ...: for most steps that needs one change. */
+static double find_log_tangent(double k, double E, double time) {
+  const tangent_equation e = {k, E, time};
+  const double s = time / (1 + E), p = (k - 1) / (1 + E), q = E * (k + 1) / (1 + E);
+  const double m1 = p + q, m2 = p * (k - 1) + q * (k + 1),
+               m3 = p * (k - 1) * (k - 1) + q * (k + 1) * (k + 1);
+  const double third = m1 * m1 / 2 - m2 / 6, fourth = (5 * m1 * (3 * m1 * m1 - 2 * m2) + m3) / 24,
+               d = -s * (1 + s * (m1 / 2 + s * (third + s * fourth)));
+  double off;
+  const double change = newton_change(&e, d, &off);
+  return is_last_change(&e, d, change) ? d + change : find_bounded_root(&e, d);
 }
 
 /* The components of v along a and across it */

@@ -58,6 +58,7 @@ static double kick_half(const ms_path_progress *k, const double b[3], double hal
 
 static double kick_w_half(const ms_path_progress *k, double t, double half) {
   double b[3];
+  if (k->p->without_w) return 0;
   ms_path_progress_acceleration(k->p, t, b);
   return kick_half(k, b, half, k->p->w);
 }

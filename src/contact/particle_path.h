@@ -32,6 +32,7 @@ typedef struct ms_particle_path {
   double w[3];         /* in: velocity at the start; out: at the end, by b */
   double b0[3], b1[3];
   double work;          /* out: J/kg, of moving obstacles, over the mass: by the impulses on w */
+  int without_w;        /* 1: w and work are not needed, and meaningless at the end */
   int64_t impacts;      /* out */
   int is_complete;      /* out: 0, the impacts are too many: the path ends before the step does */
   ms_plane_set touched; /* out: the planes that it touched */

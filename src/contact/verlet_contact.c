@@ -24,6 +24,7 @@ void ms_verlet_contact_correct_positions(ms_stepper *s, const double *a, double 
     if (!ms_impact_time_may_touch(&parabola, s->h)) continue;
     ms_particle_path p = ms_contact_set_make_path(s, r, a, a);
     e->followed[e->nfollowed++] = r;
+    p.without_w = 1;
     ms_particle_path_compute(&p);
     s->paths++;
     ms_unknowns_set(&s->model->unknowns, p.x, r, s->x_next);
