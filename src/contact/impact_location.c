@@ -113,13 +113,17 @@ static ms_bernstein find_component_polynomial(substeps *j, int32_t row, int32_t 
                               h * s->v_next[at], h2 * j->e->a_end[at]);
 }
 
+/* Most planes are level: components of x normal to n are left out. */
 static ms_bernstein find_distance_polynomial(substeps *j, int32_t row, const msim_plane *p) {
   const ms_unknowns *rows = &j->s->model->unknowns;
-  ms_bernstein sum = find_component_polynomial(j, row, 0);
+  ms_bernstein sum = {.degree = -1};
   for (int32_t c = 0; c < rows->dims; c++) {
-    const ms_bernstein of = find_component_polynomial(j, row, c);
     const double n = p->normal[rows->axis[c]];
-    for (int i = 0; i <= of.degree; i++) sum.c[i] = (c ? sum.c[i] : -p->offset) + n * of.c[i];
+    if (n == 0) continue;
+    const ms_bernstein of = find_component_polynomial(j, row, c);
+    for (int i = 0; i <= of.degree; i++)
+      sum.c[i] = (sum.degree < 0 ? -p->offset : sum.c[i]) + n * of.c[i];
+    sum.degree = of.degree;
   }
   return sum;
 }
