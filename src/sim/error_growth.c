@@ -8,7 +8,7 @@
 #include "methods/methods.h"
 #include "sim/sim.h"
 
-enum { FEW_SPRINGS = 128, FREE = 64 /* evaluations that are never too expensive */ };
+enum { FEW_SPRINGS = 128, MOST_STRIDES = 64 /* in a step */ };
 static const double LENGTH = 1e-7; /* the length that d is scaled to */
 
 int ms_error_growth_is_measurable(const ms_model *model) {
@@ -120,7 +120,7 @@ static void report_growth(msim_sim *sim, double growth) {
 }
 
 static int is_too_expensive(const msim_sim *sim) {
-  const double MOST = 0.2;
+  const double FREE = 64, MOST = 0.2;
   const ms_error_growth *s = &sim->error_growth;
   const int64_t others = sim->stats.force_evaluations - s->evaluations0;
   return (double)s->evaluations > FREE + MOST * (double)others;
@@ -209,7 +209,7 @@ static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
   const ms_stepper *s = &m->stepper;
   ms_disturbance *d = &m->disturbance;
   d->time += h;
-  if (d->time > FREE * d->stride) sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
+  if (d->time > MOST_STRIDES * d->stride) sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
   if (sim->error_growth.state != MS_ERROR_GROWTH_MEASURED) return;
   for (; d->time >= d->stride && !is_too_expensive(sim); d->time -= d->stride) {
     const double theta = 1 - (d->time - d->stride) / h;

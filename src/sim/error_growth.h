@@ -23,9 +23,10 @@
  * and in one of seven whose error was small at the end.
  *
  * H is constant, as otherwise its changes would feed energy into d (parametric resonance), and 0.9
- * of its stability limit, half that with planes; x is interpolated to the ends of strides. A stride
- * costs two evaluations, a step with impacts one. If they come to more than a fifth of all others,
- * as with long implicit steps or inexpensive ones at the stability limit, the growth is not
+ * of its stability limit, half that with planes; new springs start the measurement anew with
+ * another. x is interpolated to the ends of strides. A stride costs two evaluations, a step with
+ * impacts one. If they come to more than a fifth of all others, as with long implicit steps or
+ * inexpensive ones at the stability limit, or a step to more than 64 strides, the growth is not
  * measured, nor is it in islands of more than 128 springs, until the first contact: from there on
  * steps are short. `explain` reports that. No bit of the motion depends on any of this. */
 #ifndef MS_ERROR_GROWTH_H
