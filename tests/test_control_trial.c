@@ -93,6 +93,28 @@ static void it_keeps_tol_and_saves_evaluations(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* In a short run a candidate by the bound on its steps may turn out to take longer ones. */
+static void steps_that_turn_out_too_long_are_rejected(void **state) {
+  (void)state;
+  msim_scene *scene = damped_sheet();
+  const msim_options opt = options_of("auto", 1e-3, 0.5);
+  msim_sim *sim = make_sim(scene, &opt);
+  const msim_state start = state_of(sim);
+  ms_pilot_run run;
+  assert_ok(ms_pilot_run_begin(sim, opt.tol, 0, &start, &run, err));
+  assert_ok(ms_pilot_run_make(&run, err));
+  assert_true(ms_control_trial_may_relax(&run, &ms_ssprk104));
+  assert_false(ms_control_trial_relaxes_first(&run));
+  ms_candidate c = {.method = &ms_ssprk104,
+                    .control_tol = MS_RELAXED * opt.tol,
+                    .h = MS_LOOSE * ms_pilot_run_stable_step(&run, &ms_ssprk104)};
+  assert_ok(ms_control_trial_make(&run, INFINITY, &c, err));
+  assert_true(MS_RELAXED * c.h > opt.t_end / 4);
+  assert_int_equal(c.rejection, MS_REASON_ERROR_TOO_LARGE);
+  ms_pilot_run_end(&run);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 /* The same trial serves a large tol, but not a small one. */
 static void an_error_that_is_too_large_is_seen(void **state) {
   (void)state;
@@ -192,6 +214,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(where_a_larger_tolerance_is_a_candidate),
                                      cmocka_unit_test(it_keeps_tol_and_saves_evaluations),
                                      cmocka_unit_test(an_error_that_is_too_large_is_seen),
+                                     cmocka_unit_test(steps_that_turn_out_too_long_are_rejected),
                                      cmocka_unit_test(its_checkpoints_continue_it),
                                      cmocka_unit_test(planes_end_it),
                                      cmocka_unit_test(methods_do_not_see_what_others_leave)};
