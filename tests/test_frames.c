@@ -192,6 +192,28 @@ static void a_run_without_length_has_one_frame(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Where the time between frames is longer than the run, by any factor, the frames are its start and
+ * its end. */
+static void frames_may_be_rarer_than_runs(void **state) {
+  (void)state;
+  static const double rates[] = {3, 1e-3, 1e-9, 1e-15, 1e-300, 4.9e-324};
+  msim_scene *scene = hanging_cloth(SIDE, 30, 0.01);
+  for (size_t i = 0; i < 2 * sizeof rates / sizeof *rates; i++) {
+    msim_options opt = i % 2 ? control_options("dop853", 1e-4, 0.25) : options("rk4", 1e-3);
+    opt.t_end = 0.25;
+    opt.fps = rates[i / 2];
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_int_equal(ms_frames_count(&sim->config.plan, &sim->config.opt, 1000), 2);
+    frame_log f = {.looks = 1};
+    assert_ok(msim_sim_run(sim, log_frame, &f, err));
+    assert_int_equal(f.count, 2);
+    assert_true(f.t[0] == 0);
+    assert_close(f.t[1], 0.25, 1e-15);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
 /* For other frames in the sim that continues, the next one is the first after that shown last. */
 static void a_resumed_run_may_have_other_frames(void **state) {
   (void)state;
@@ -391,6 +413,7 @@ int main(void) {
                                      cmocka_unit_test(steps_pass_frames),
                                      cmocka_unit_test(the_number_of_the_first_step_is_any),
                                      cmocka_unit_test(a_run_without_length_has_one_frame),
+                                     cmocka_unit_test(frames_may_be_rarer_than_runs),
                                      cmocka_unit_test(a_resumed_run_may_have_other_frames),
                                      cmocka_unit_test(springs_change_between_steps),
                                      cmocka_unit_test(a_state_that_is_set_starts_a_run),

@@ -31,10 +31,12 @@ int64_t ms_frames_next_step(const ms_plan *plan, const msim_options *opt, int64_
   return plan->steps > step && next > plan->steps ? plan->steps : next;
 }
 
-/* s; long enough for the times of successive frames to differ. */
+/* s; long enough for the times of successive frames to differ, and no longer than the run: where
+ * fps asks for longer ones, the frames are its start and its end in any case. */
 static double frame_interval(const ms_plan *plan, const msim_options *opt) {
   const double span = ms_plan_span(plan), latest = fmax(fabs(plan->t0), fabs(plan->t_end));
-  return fmax(opt->fps > 0 ? 1 / opt->fps : span / 200, 0x1p-50 * fmax(span, latest));
+  const double interval = opt->fps > 0 ? fmin(1 / opt->fps, span) : span / 200;
+  return fmax(interval, 0x1p-50 * fmax(span, latest));
 }
 
 double ms_frames_time(const ms_plan *plan, const msim_options *opt, int64_t k) {
