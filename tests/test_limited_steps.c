@@ -1,6 +1,9 @@
 /* Error control where stability limits the steps, as in damped scenes: few steps are rejected, and
  * methods for damping take few evaluations */
+#include <math.h>
+
 #include "error_control.h"
+#include "integrate/control.h"
 
 static msim_stats run_stats(const msim_scene *scene, const char *method, double tol, double t_end) {
   const msim_options opt = control_options(method, tol, t_end);
@@ -45,6 +48,31 @@ static void steps_settle_at_the_limit(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* A step may have a larger error if 5 shares of those before it are left afterwards. */
+static void steps_use_what_others_have_left(void **state) {
+  (void)state;
+  ms_control c = {.tol = 1e-4, .span = 1, .order = 7, .h = 1, .growth = 5, .safety = 0.85};
+  for (int i = 0; i < 8; i++) assert_true(ms_control_update(&c, 0.5, 0.1));
+  ms_control next = c;
+  assert_true(ms_control_update(&next, 0.5, 3));     /* leaves 3.6 - 1 = 2.6 s */
+  assert_false(ms_control_update(&next, 0.55, 1.2)); /* would leave less than 5 0.55 */
+  assert_true(ms_control_update(&next, 0.45, 1.2));
+  assert_false(ms_control_update(&c, 0.5, 3.01));
+  ms_control_reset(&c);
+  assert_false(ms_control_update(&c, 0.5, 1.01));
+  /* at any time the sum of all errors is within tol */
+  double used = 0, made = 0;
+  int used_more = 0;
+  unsigned seed = 1;
+  for (int i = 0; i < 10000; i++) {
+    const double r = pow(10, 3 * uniform(&seed) - 2), h = pow(10, -uniform(&seed));
+    if (!ms_control_update(&c, h, r)) continue;
+    used += r * h, made += h, used_more += r > 1;
+    assert_true(used <= made);
+  }
+  assert_true(used_more > 100);
+}
+
 static int64_t evaluations_of(const msim_scene *scene, const char *method, const double *x) {
   const msim_options opt = control_options(method, 1e-3, 0.4);
   msim_sim *sim = make_sim(scene, &opt);
@@ -76,6 +104,7 @@ static void methods_for_damping_take_few_evaluations(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(steps_settle_at_the_limit),
+      cmocka_unit_test(steps_use_what_others_have_left),
       cmocka_unit_test(methods_for_damping_take_few_evaluations),
   };
   return cmocka_run_group_tests_name("limited_steps", tests, NULL, NULL);

@@ -28,7 +28,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 13u
+#define VERSION 14u
 
 typedef struct header {
   char magic[8];

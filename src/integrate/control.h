@@ -4,7 +4,10 @@
  *   E <= tol h/T,   E^2 = 1/(2 n) sum_i (|dx_i|^2/L^2 + |dv_i|^2/U^2)
  * for each connected part of the scene, with its n free particles, extent L and speed U
  * (physics/norm.h), and T the length of the run; the part with the largest error decides. So the
- * error at the end is about proportional to tol, by a factor that depends on the scene.
+ * error at the end is about proportional to tol, by a factor that depends on the scene. A step may
+ * use up to 3 shares where the steps before it, since the last impact, have left 5 shares more than
+ * that: the sum of all E still is at most tol, and steps that stability limits, whose error
+ * fluctuates, are rarely rejected.
  *
  * A step with an impact ends there: by dense output of the method, if that is accurate enough, or
  * else it is made anew. The particles bounce at the start of the next step. */
@@ -38,6 +41,7 @@ typedef struct ms_control {
   double safety;    /* ratio of a step to the longest one that the error allows */
   int limited;      /* 1: stability limits h, too */
   double previous;  /* relative error of the last accepted step, at least 1e-4; 0: unknown */
+  double unused;    /* s: the sum of (1 - r) h, r the relative errors of steps */
   int shrunk;       /* the last attempt was rejected */
 } ms_control;
 
@@ -53,8 +57,9 @@ double ms_control_first_step(const ms_control *c, const ms_scales *scales);
  * end with the run, so that no much shorter one remains. */
 double ms_control_next_step(const ms_control *c, double left);
 
-/* 1: the step of h, with the relative error r, is accepted: r <= 1. Sets the next step to try by a
- * PI controller (Gustafsson 1991; Hairer and Wanner, Solving ODEs II, IV.2). */
+/* 1: the step of h, with the relative error r, is accepted: r <= 1, or r <= 3 where steps before it
+ * have left enough. Sets the next step to try by a PI controller (Gustafsson 1991; Hairer and
+ * Wanner, Solving ODEs II, IV.2). */
 int ms_control_update(ms_control *c, double h, double r);
 
 /* The step of h failed: sets the next one to try. */
@@ -85,7 +90,7 @@ int ms_control_is_shortened(double impact);
 ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
                                     double impact, double amplification);
 
-/* Discards the error of the last step, as after an impact. */
+/* Discards the errors of the steps before, as after an impact. */
 void ms_control_reset(ms_control *c);
 
 /* Passes all members to or from an archive (archive.h). */
