@@ -110,8 +110,9 @@ void ms_control_reject_failed(ms_control *c, double h) {
 
 /* h'/h, with r the relative errors of this step and of the one before, and s the safety factor, so
  * that r tends to s^k:
- *   h' = h s^(a - b) r^(-a/k) r_before^(b/k),  or h s r^(-1/k) if there is none before
- * with Gustafsson's a = 0.7 and b = 0.4, or 0.4 and 0.3 for methods whose steps stability limits.
+ *   h' = h s^(a - b) r^(-a/k) r_before^(b/k),
+ * or h s r^(-1/k) if there is none before or this step is rejected, with Gustafsson's a = 0.7 and
+ * b = 0.4, or 0.4 and 0.3 for methods whose steps stability limits.
  * For at the limit r follows the fastest mode u: if log h is off by d,
  *   log u' = log u + p d,  log r = log u + q d,  p = d log|R|/d log h,  q = d log(E/h)/d log h,
  * with the amplification factor R and the error estimate E of that mode. With p and q of dop853 at

@@ -41,7 +41,7 @@ typedef struct ms_control {
   double safety;    /* ratio of a step to the longest one that the error allows */
   int limited;      /* 1: stability limits h, too */
   double previous;  /* relative error of the last accepted step, at least 1e-4; 0: unknown */
-  double unused;    /* s: the sum of (1 - r) h, r the relative errors of steps */
+  double unused;    /* s: the sum of (1 - r) h since ms_control_reset(), r relative errors */
   int shrunk;       /* the last attempt was rejected */
 } ms_control;
 
