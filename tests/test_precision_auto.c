@@ -379,7 +379,7 @@ static void changes_choose_anew(void **state) {
   now.x = memcpy(rest, now.x, 3 * (size_t)now.n * sizeof *now.x), now.v = scene->data->v;
   fast.v = v;
   assert_ok(msim_sim_set_state(sim, &fast, err));
-  assert_true(sim->config.choice.candidates[7].tried); /* dop853, under error control */
+  assert_true(sim->config.choice.candidates[8].tried); /* dop853, under error control */
   assert_ok(msim_sim_set_state(sim, &now, err));
   assert_true(is_single(sim));
   assert_ok(msim_sim_step(sim, 5, err));

@@ -21,6 +21,7 @@ static const double EVENT_COST = 3;
 
 enum {
   LEAPFROG_METHOD,
+  WITH_VELOCITIES,
   LOCATED_IMPACTS,
   TAKAHASHI_IMADA,
   FOURTH,
@@ -38,17 +39,20 @@ enum {
 /* The candidates: methods and their evaluations per step, [0] if no force depends on velocities,
  * else [1]; 0: measured. first: evaluations at the first state, if there are many. control_tol: the
  * tolerance of error control over tol; 0: fixed steps. The leapfrog stands for all explicit methods
- * of order 2. Evaluations of dop853 count 13/12-fold, as it forms so many sums; those of rkc follow
- * from h. ssprk104 is for steps that damping limits, of which error control makes longer ones than
- * bounds on damping allow. tr-bdf2 damps what long steps cannot resolve; implicit methods that do
- * not damp it have to resolve it, and take no longer steps than explicit ones. */
+ * of order 2. Its forces depend on the velocities of half a step before: the errors of that are of
+ * order 1, yet small where damping is weak, and velocity Verlet needs twice as many evaluations.
+ * Evaluations of dop853 count 13/12-fold, as it forms so many sums; those of rkc follow from h.
+ * ssprk104 is for steps that damping limits, of which error control makes longer ones than bounds
+ * on damping allow. tr-bdf2 damps what long steps cannot resolve; implicit methods that do not damp
+ * it have to resolve it, and take no longer steps than explicit ones. */
 static const struct {
   const ms_integrator *method[2];
   double evaluations[2];
   double first;
   double control_tol;
 } candidate_list[MS_CANDIDATES] = {
-    [LEAPFROG_METHOD] = {{&ms_verlet, &ms_velocity_verlet}, {1, 2}},
+    [LEAPFROG_METHOD] = {{&ms_verlet, &ms_verlet}, {1, 1}},
+    [WITH_VELOCITIES] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
     [LOCATED_IMPACTS] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
     [TAKAHASHI_IMADA] = {{&ms_takahashi_imada, &ms_takahashi_imada}, {2, 2}, 51},
     [FOURTH] = {{&ms_force_gradient, &ms_rk4}, {5, 4}},
@@ -64,21 +68,26 @@ static const struct {
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
-/* verlet carries v(t - h/2), so that no step can be halved: velocity-verlet takes its place where
- * steps are verified or divided. */
 static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
-  return candidate_list[i].method[p->damped || (i == LEAPFROG_METHOD && (p->mid_run || !p->many))];
+  return candidate_list[i].method[p->damped];
 }
 
+/* 1: velocity Verlet takes the place of verlet, which carries v(t - h/2), so that no step can be
+ * halved: steps are verified or divided. */
+static int needs_velocities(const ms_pilot_run *p) { return p->mid_run || !p->many; }
+
+static int is_order_two(int i) { return i == LEAPFROG_METHOD || i == WITH_VELOCITIES; }
 static int is_controlled(int i) { return candidate_list[i].control_tol > 0; }
 static int is_relaxed(int i) { return candidate_list[i].control_tol > 1; }
 
 static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
-  if (i == LEAPFROG_METHOD && planes && few) return MS_REASON_FEW_IMPACTS;
-  if (i == LEAPFROG_METHOD && planes && p->sim->config.choice.collision == MSIM_COLLISION_EVENT)
+  if (i == LEAPFROG_METHOD && needs_velocities(p)) return MS_REASON_INDIVISIBLE;
+  if (i == WITH_VELOCITIES && !p->damped && !needs_velocities(p)) return MS_REASON_UNDAMPED;
+  if (is_order_two(i) && planes && few) return MS_REASON_FEW_IMPACTS;
+  if (is_order_two(i) && planes && p->sim->config.choice.collision == MSIM_COLLISION_EVENT)
     return MS_REASON_TO_BE_LOCATED;
-  if (i == LEAPFROG_METHOD && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;
+  if (is_order_two(i) && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;
   if (i == LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
   if (i == TAKAHASHI_IMADA && planes) return MS_REASON_NO_PLANES;
   if ((i == TAKAHASHI_IMADA || i == SIXTH) && p->damped) return MS_REASON_DAMPED;
@@ -142,7 +151,7 @@ static void set_longest_step(const ms_pilot_run *p, int i, ms_candidate *c) {
 
 static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
   const int located = is_controlled(i) ? ms_scene_has_obstacles(p->sim->scene)
-                                       : p->planes_count && i != LEAPFROG_METHOD;
+                                       : p->planes_count && !is_order_two(i);
   *c = (ms_candidate){.method = candidate_method(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
                       .control_tol = candidate_list[i].control_tol * p->tol,
@@ -153,12 +162,14 @@ static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
   if (c->step_cost > 0 && !c->rejection) set_longest_step(p, i, c);
 }
 
-/* verlet has the positions of velocity Verlet. Reflection at the ends of steps is of order 1. */
+/* verlet has the positions of velocity Verlet, unless forces depend on velocities. Those of half a
+ * step before, and reflection at the ends of steps, are of order 1. */
 static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
-  const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->planes_count;
-  return (ms_trial){.method = c->method == &ms_verlet ? &ms_velocity_verlet : c->method,
+  const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->planes_count,
+            lags = c->method == &ms_verlet && p->damped;
+  return (ms_trial){.method = c->method == &ms_verlet && !lags ? &ms_velocity_verlet : c->method,
                     .collision = c->collision,
-                    .order = reflects ? 1 : c->method->entry.order,
+                    .order = reflects || lags ? 1 : c->method->entry.order,
                     .h = c->h};
 }
 

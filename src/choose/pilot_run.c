@@ -214,7 +214,7 @@ double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
 }
 
 double ms_pilot_run_growth(const ms_pilot_run *p, int order) {
-  return p->error_growth * (order == 2 && !p->planes_count ? 2 : 1);
+  return p->error_growth * (order <= 2 && !p->planes_count ? 2 : 1);
 }
 
 /* The error at the end of the run if it is that after a trial of t seconds */
@@ -428,15 +428,17 @@ static ms_trial make_pilot(const ms_pilot_run *p, const ms_integrator *method) {
                     .h = fmin(ms_pilot_run_stable_step(p, method), p->span / FEWEST)};
 }
 
-/* Where damping limits the steps of velocity Verlet, with two evaluations each, rkc may need half
- * as many, and its long steps are accurate enough for a state that is typical of the run. Steps of
- * ssprk104 under error control need fewer still, but fast vibrations persist at their limit of
- * stability, which determine the errors of trials from such a state. */
-static ms_trial choose_pilot(const ms_pilot_run *p, const ms_trial *verlet) {
+/* A pilot run need not be accurate, only lead to a state that is typical of the run. With weak
+ * damping verlet does, for half the evaluations of velocity Verlet. Where damping limits the steps,
+ * rkc may; those of ssprk104 under error control need fewer still, but fast vibrations persist at
+ * their limit of stability, which determine the errors of trials from such a state. */
+static ms_trial choose_pilot(const ms_pilot_run *p, const ms_trial *with_velocities) {
   const ms_trial stabilized = make_pilot(p, &ms_rkc);
-  if (!p->damped || ms_scene_has_obstacles(p->sim->scene) || stabilized.h == 0) return *verlet;
+  if (!p->damped || ms_scene_has_obstacles(p->sim->scene)) return *with_velocities;
+  if (!ms_pilot_run_is_limited_by_damping(p)) return make_pilot(p, &ms_verlet);
+  if (stabilized.h == 0) return *with_velocities;
   const double cost = ms_rkc.stages(stabilized.h, p->bounds) / stabilized.h;
-  return cost < 0.75 * 2 / verlet->h ? stabilized : *verlet;
+  return cost < 0.75 * 2 / with_velocities->h ? stabilized : *with_velocities;
 }
 
 msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const msim_state *start,
@@ -455,10 +457,10 @@ msim_status ms_pilot_run_begin(const msim_sim *sim, double tol, int late, const 
 }
 
 msim_status ms_pilot_run_make(ms_pilot_run *p, msim_error *err) {
-  const ms_trial verlet = make_pilot(p, &ms_velocity_verlet), pilot = choose_pilot(p, &verlet);
+  const ms_trial step = make_pilot(p, &ms_velocity_verlet), pilot = choose_pilot(p, &step);
   msim_status status = make_pilot_run(p, &pilot, err);
   if (!status) status = classify_count(p, err);
-  return status ? status : find_growth(p, &verlet, err);
+  return status ? status : find_growth(p, &step, err);
 }
 
 void ms_pilot_run_end(ms_pilot_run *p) {

@@ -1,7 +1,7 @@
 /* pilot_run - pilot run: simulate the beginning of a run, and try methods there, for integrator =
  * auto
  *
- * Velocity Verlet, or rkc where damping is strong, makes the pilot run, the first eighth of the
+ * Velocity Verlet, or verlet or rkc in damped scenes, makes the pilot run, the first eighth of the
  * run, but no more than 16384 steps, in parts of 1/64 of the run; where a plane could be met soon
  * after, up to there. If it meets no plane, planes do not count until one is close
  * (step_verification.h), and methods are tried from its end. Otherwise it ends with the part of the

@@ -11,6 +11,8 @@ const char *ms_rejection_reasons_text(int why) {
       [MS_REASON_FEW_PARTICLES] = "with so few particles a single event determines the error",
       [MS_REASON_UNVERIFIED] =
           "its steps cannot be verified, and there are too few particles to do without",
+      [MS_REASON_INDIVISIBLE] =
+          "its steps cannot be halved, neither to verify them nor where a run has begun",
       [MS_REASON_DAMPED] = "forces depend on velocities",
       [MS_REASON_UNDAMPED] = "no force depends on velocities",
       [MS_REASON_WEAKLY_DAMPED] = "frequencies, not damping, limit its steps",

@@ -46,13 +46,18 @@ static void show_island(const msim_sim *sim, ms_island_sim *m, const double **x,
   *x = ms_single_get_x(&m->model, *x), *v = ms_single_get_v(&m->model, *v);
 }
 
+/* Trials have no array for it, as they were made for other methods (choose/pilot_run.h). */
+static int shows_v_half(const msim_sim *sim) {
+  return sim->config.integrator->sync && sim->state_v_half;
+}
+
 static void copy_island_state(msim_sim *sim, ms_island_sim *m) {
   const ms_unknowns *rows = &m->model.unknowns;
   const double *x, *v;
   show_island(sim, m, &x, &v);
   ms_unknowns_scatter(rows, x, sim->state_x);
   ms_unknowns_scatter(rows, v, sim->state_v);
-  if (sim->config.integrator->sync)
+  if (shows_v_half(sim))
     ms_unknowns_scatter(rows, ms_single_get_v(&m->model, m->stepper.v), sim->state_v_half);
 }
 
@@ -61,7 +66,7 @@ static void gather_ranks(msim_sim *sim) {
   const int32_t n = sim->scene->nparticles;
   ms_rank_part_gather(sim->part, n, sim->state_x);
   ms_rank_part_gather(sim->part, n, sim->state_v);
-  if (sim->config.integrator->sync) ms_rank_part_gather(sim->part, n, sim->state_v_half);
+  if (shows_v_half(sim)) ms_rank_part_gather(sim->part, n, sim->state_v_half);
 }
 
 /* Copy the state to the arrays, at most once per step, and only on demand. */
@@ -107,7 +112,7 @@ msim_status msim_sim_state(msim_sim *sim, msim_state *state) {
                      .n = ms_rank_scene_count_particles(sim),
                      .x = sim->state_x,
                      .v = sim->state_v,
-                     .v_half = sim->config.integrator->sync ? sim->state_v_half : NULL,
+                     .v_half = shows_v_half(sim) ? sim->state_v_half : NULL,
                      .h = sim->run.h,
                      .work = sim->run.work,
                      .nsprings = ms_rank_scene_count_springs(sim)};
