@@ -205,8 +205,7 @@ static inline int is_implicit(const char *method) {
 
 /* 1 if the method takes no forces that depend on velocities. */
 static inline int takes_positions_only(const char *method) {
-  return strcmp(method, "rkn6") == 0 || strcmp(method, "force-gradient") == 0 ||
-         strcmp(method, "takahashi-imada") == 0;
+  return strcmp(method, "rkn6") == 0 || strcmp(method, "force-gradient") == 0;
 }
 
 /* 1 if the method takes no planes. */

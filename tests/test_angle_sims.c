@@ -351,7 +351,7 @@ static void methods_without_angles_refuse(void **state) {
   const double k = 1, rest = 1, damping = 0.1;
   assert_ok(msim_scene_add_angles(scene, 1, (int32_t[]){0, 1, 3}, &k, &rest, &damping, err));
   refused(scene, "rkn6", "but angle 2 is damped; use dop853, rk4 or velocity-verlet");
-  refused(scene, "takahashi-imada", "but angle 2 is damped");
+  refused(scene, "force-gradient", "but angle 2 is damped");
   msim_scene_destroy(scene);
 }
 

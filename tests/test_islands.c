@@ -410,15 +410,15 @@ static void small_islands_are_shared_out(void **state) {
   for (int32_t i = 0; (method = msim_integrator_info(i)) != NULL; i++) {
     msim_sim *sims[3];
     msim_error why[3];
-    if (method->order == 0 || method->implicit || takes_positions_only(method->name)) continue;
+    const int runs = !takes_positions_only(method->name) && !refuses_planes(method->name);
+    if (method->order == 0 || method->implicit || !runs) continue;
     for (int t = 0; t < 3; t++) sims[t] = run_many(scene, method->name, t + 1);
     for (int t = 0; t < 3; t++) same_run(sims[t], sims[0]);
     for (int t = 0; t < 3; t++) {
       why[t] = break_one(sims[t]);
       assert_string_equal(why[t].text, why[0].text);
       assert_int_equal(stats_of(sims[t]).force_evaluations, stats_of(sims[0]).force_evaluations);
-      assert_int_equal(stats_of(sims[t]).rejected_steps,
-                       sims[t]->config.integrator->convert_state ? 0 : 2);
+      assert_int_equal(stats_of(sims[t]).rejected_steps, 2);
       assert_memory_equal(state_of(sims[t]).x, state_of(sims[0]).x, 3 * MANY * N * sizeof(double));
     }
     for (int t = 0; t < 3; t++) msim_sim_destroy(sims[t]);

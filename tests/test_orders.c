@@ -103,9 +103,10 @@ static void plain_start_is_first_order(void **state) {
   check("verlet", MSIM_VERLET_PLAIN, 0, 0, 1);
 }
 
-static void damping_costs_verlet_an_order_but_not_velocity_verlet(void **state) {
+static void damping_costs_two_methods_an_order(void **state) {
   (void)state;
   check("verlet", MSIM_VERLET_TAYLOR, 0.5, 0.3, 1);
+  check("takahashi-imada", 0, 0.5, 0.3, 3);
   check("velocity-verlet", 0, 0.5, 0.3, 2);
   check("heun", 0, 0.5, 0.3, 2);
   check("rk4", 0, 0.5, 0.3, 4);
@@ -152,12 +153,11 @@ static void free_fall_is_exact_along_each_axis(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(measured_order_is_the_declared_one),
-      cmocka_unit_test(laws_keep_the_order),
-      cmocka_unit_test(plain_start_is_first_order),
-      cmocka_unit_test(damping_costs_verlet_an_order_but_not_velocity_verlet),
-      cmocka_unit_test(plain_verlet_is_symplectic_euler),
-      cmocka_unit_test(free_fall_is_exact_along_each_axis)};
+  const struct CMUnitTest tests[] = {cmocka_unit_test(measured_order_is_the_declared_one),
+                                     cmocka_unit_test(laws_keep_the_order),
+                                     cmocka_unit_test(plain_start_is_first_order),
+                                     cmocka_unit_test(damping_costs_two_methods_an_order),
+                                     cmocka_unit_test(plain_verlet_is_symplectic_euler),
+                                     cmocka_unit_test(free_fall_is_exact_along_each_axis)};
   return cmocka_run_group_tests_name("orders", tests, NULL, NULL);
 }

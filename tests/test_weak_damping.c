@@ -8,7 +8,7 @@
 #include "checkpoints.h"
 #include "choose/rejection_reasons.h"
 
-enum { VERLET, WITH_VELOCITIES }; /* candidates */
+enum { VERLET, WITH_VELOCITIES, FOURTH = 4 }; /* candidates */
 
 /* Damping of 1/200 of the critical one of a spring */
 static msim_scene *cloth_of(int side) { return hanging_cloth(side, 3e3, 0.005); }
@@ -47,6 +47,23 @@ static void one_evaluation_a_step_keeps_tol(void **state) {
     assert_true(stats_of(sim).force_evaluations <= state_of(sim).step + 2);
     msim_sim_destroy(sim);
   }
+  msim_scene_destroy(scene);
+}
+
+/* rk4, whose steps stability limits, would cost half as much again. */
+static void takahashi_imada_keeps_a_small_tol(void **state) {
+  (void)state;
+  const double tol = 1e-5;
+  msim_scene *scene = cloth_of(9);
+  msim_sim *sim = planned(scene, tol);
+  const ms_candidate *rk4 = &sim->config.choice.candidates[FOURTH];
+  assert_string_equal(name_of(sim), "takahashi-imada");
+  assert_string_equal(rk4->method->entry.name, "rk4");
+  print_message("  rk4 costs %.2g times as much\n", rk4->cost_rate * sim->config.opt.h / 2);
+  assert_true(rk4->cost_rate > 1.5 * 2 / sim->config.opt.h);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  assert_true(error_of(scene, sim) < tol);
+  msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
@@ -148,6 +165,7 @@ static void a_late_plane_makes_a_new_choice(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(one_evaluation_a_step_keeps_tol),
+                                     cmocka_unit_test(takahashi_imada_keeps_a_small_tol),
                                      cmocka_unit_test(strong_damping_needs_velocities),
                                      cmocka_unit_test(one_of_both_is_sufficient),
                                      cmocka_unit_test(the_choice_is_as_cheap),

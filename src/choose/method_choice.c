@@ -90,7 +90,7 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   if (is_order_two(i) && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;
   if (i == LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
   if (i == TAKAHASHI_IMADA && planes) return MS_REASON_NO_PLANES;
-  if ((i == TAKAHASHI_IMADA || i == SIXTH) && p->damped) return MS_REASON_DAMPED;
+  if (i == SIXTH && p->damped) return MS_REASON_DAMPED;
   const int for_damping = i == DAMPING_CONTROLLED || is_relaxed(i);
   if ((i == STABILISED || for_damping) && !p->damped) return MS_REASON_UNDAMPED;
   if (for_damping && planes) return MS_REASON_TRIAL_TOO_EXPENSIVE;
@@ -162,15 +162,22 @@ static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
   if (c->step_cost > 0 && !c->rejection) set_longest_step(p, i, c);
 }
 
-/* verlet has the positions of velocity Verlet, unless forces depend on velocities. Those of half a
- * step before, and reflection at the ends of steps, are of order 1. */
+/* Reflection at the ends of steps is of order 1, and so are forces at the velocities of half a step
+ * before; those at extrapolated ones are of order 3. */
+static int order_of_errors(const ms_pilot_run *p, const ms_candidate *c) {
+  if (c->collision == MSIM_COLLISION_REFLECT && p->planes_count) return 1;
+  if (p->damped && c->method == &ms_verlet) return 1;
+  if (p->damped && c->method == &ms_takahashi_imada) return 3;
+  return c->method->entry.order;
+}
+
+/* verlet has the positions of velocity Verlet, unless forces depend on velocities. */
 static ms_trial make_trial(const ms_pilot_run *p, const ms_candidate *c) {
-  const int reflects = c->collision == MSIM_COLLISION_REFLECT && p->planes_count,
-            lags = c->method == &ms_verlet && p->damped;
-  return (ms_trial){.method = c->method == &ms_verlet && !lags ? &ms_velocity_verlet : c->method,
-                    .collision = c->collision,
-                    .order = reflects || lags ? 1 : c->method->entry.order,
-                    .h = c->h};
+  return (ms_trial){
+      .method = c->method == &ms_verlet && !p->damped ? &ms_velocity_verlet : c->method,
+      .collision = c->collision,
+      .order = order_of_errors(p, c),
+      .h = c->h};
 }
 
 /* With planes, where steps may cost ten times what is expected, a trial ends once its steps cost

@@ -205,15 +205,15 @@ static scene_facts collect_facts(const msim_sim *sim, ms_totals *box) {
   return f;
 }
 
-/* 1: the tag `cached_stage` may be restored with a kept state. Methods with other variables than x
- * and v set it only in the state that a run started from, for work vectors that no step overwrites.
- * Tags of other methods refer to vectors that steps overwrite. */
-static int tag_is_restorable(const msim_sim *sim) {
-  return sim->config.integrator->convert_state || sim->config.integrator->sync;
+static int carries_other_variables(const ms_integrator *method) {
+  return method->convert_state || method->sync;
 }
 
+/* The tag `cached_stage` that may be restored with a kept state. Methods with other variables than
+ * x and v set 1 in the state that a run started from, for work vectors that no step overwrites.
+ * Other tags, and those of other methods, refer to vectors that steps overwrite. */
 static int restorable_tag(const msim_sim *sim, const ms_stepper *s) {
-  return tag_is_restorable(sim) ? s->cached_stage : 0;
+  return carries_other_variables(sim->config.integrator) && s->cached_stage == 1;
 }
 
 static void copy_present_state(ms_island_sim *m) {
@@ -396,7 +396,7 @@ void ms_energy_monitor_archive_island(ms_archive *b, const msim_sim *sim, int is
     return;
   ms_archive_transfer_vector(b, shape, g->x);
   ms_archive_transfer_vector(b, shape, g->v);
-  if (!tag_is_restorable(sim)) return;
+  if (!carries_other_variables(sim->config.integrator)) return;
   MS_ARCHIVE_TRANSFER(b, g->tag);
   ms_method_state_archive_carried(b, sim->config.integrator, s, g->tag);
 }

@@ -1,0 +1,183 @@
+/* Tests of takahashi-imada where forces depend on velocities: its limit of stability, its error
+ * beside those of other methods, and the first steps. Its order is one of test_orders.c. */
+#include <math.h>
+#include <string.h>
+
+#include "checkpoints.h"
+#include "methods/methods.h"
+#include "scenes.h"
+#include "sim/sim.h"
+#include "sim/step_driver.h"
+
+static const double K = 22. / 3; /* the sum of the weights of v*, without their signs, times 2 */
+
+/* A mass on a spring of 1 m that is pinned: w^2 = k, g = damping; it swings along the spring. */
+static msim_scene *oscillator(double w, double g) {
+  const double x[6] = {0, 0, 0, 1.01, 0, 0}, mass[2] = {1, 1}, k = w * w, rest = 1;
+  const int32_t ij[2] = {0, 1}, pin = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &g, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  return scene;
+}
+
+/* 1: 4000 steps of 1 s leave the oscillator as it was, or damp it. */
+static int is_stable(double w, double g) {
+  msim_scene *scene = oscillator(w, g);
+  msim_options opt = options("takahashi-imada", 1);
+  opt.watch = MSIM_WATCH_OFF;
+  msim_sim *sim = make_sim(scene, &opt);
+  msim_error why;
+  const msim_status status = msim_sim_step(sim, 4000, &why);
+  const double off = fabs(state_of(sim).x[3] - 1);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+  return status == MSIM_OK && off < 0.02;
+}
+
+/* (w^2 + 22/3 g)(1 - w^2/12) < 4 decides for steps of 1 s. */
+static void the_product_decides(void **state) {
+  (void)state;
+  for (double w = 0.2; w < 3.4; w += 0.2) {
+    const double g = (4 / (1 - w * w / 12) - w * w) / K;
+    assert_true(is_stable(w, 0.98 * g));
+    if (w < 2.5) assert_false(is_stable(w, 1.02 * g));
+  }
+}
+
+/* The limit holds for each pair of frequency and damping within the bounds, and some pair is
+ * unstable at once beyond where damping has no effect, and at 1.4 times elsewhere. */
+static void the_limit_holds_for_all_pairs(void **state) {
+  (void)state;
+  const double ratio[] = {0, 0.03, 0.073, 0.1, 0.15, 0.3, 1, 5};
+  for (size_t i = 0; i < sizeof ratio / sizeof *ratio; i++) {
+    ms_bounds b = {.omega = 1, .rate = ratio[i]};
+    const double h = ms_takahashi_imada.limit(&b);
+    double largest = 0;
+    for (double w = 0.001; w <= 1; w += 0.001) {
+      const double u = h * h * w * w, z = h * ratio[i];
+      largest = fmax(largest, (u + K * z) * (1 - u / 12));
+    }
+    print_message("  g/w = %g: limit %.4g, the product %.4g\n", ratio[i], h, largest);
+    assert_true(largest <= 4 * (1 + 1e-9) && (ratio[i] < 0.07 || largest > 2.7));
+    assert_true(ratio[i] > 0.07 || fabs(h - sqrt(12)) < 1e-12);
+  }
+}
+
+static msim_scene *swinging_cloth(double damping, double drag) {
+  msim_scene *scene = hanging_cloth(9, 500, damping);
+  assert_ok(msim_scene_set_drag(scene, drag, err));
+  return scene;
+}
+
+static double error_of(const msim_scene *scene, const char *method, int steps, const double *x) {
+  msim_options opt = options(method, 0.3 / steps);
+  opt.steps = steps;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const double error = largest_difference(state_of(sim).x, x, 3 * state_of(sim).n);
+  msim_sim_destroy(sim);
+  return error;
+}
+
+/* Steps of two evaluations, as those of velocity Verlet. With dampers rk4 is less accurate, with as
+ * many evaluations. */
+static void weak_damping_keeps_it_accurate(void **state) {
+  (void)state;
+  for (int drags = 0; drags < 2; drags++) {
+    msim_scene *scene = swinging_cloth(drags ? 0 : 0.003, drags ? 0.05 : 0);
+    double exact[3 * 81];
+    msim_options opt = options("dop853", 0.3 / 4000);
+    opt.steps = 4000;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    memcpy(exact, state_of(sim).x, sizeof exact);
+    msim_sim_destroy(sim);
+    const double own = error_of(scene, "takahashi-imada", 400, exact),
+                 verlet = error_of(scene, "velocity-verlet", 400, exact),
+                 rk4 = error_of(scene, "rk4", 200, exact);
+    print_message("  errors %.2g; velocity-verlet %.2g; rk4 %.2g\n", own, verlet, rk4);
+    assert_true(own < verlet / 20 && (drags || own < rk4 / 10));
+    msim_scene_destroy(scene);
+  }
+}
+
+static void floats_are_as_accurate_as_their_rounding(void **state) {
+  (void)state;
+  msim_scene *scene = swinging_cloth(0.003, 0.02);
+  double x[3 * 81];
+  for (int single = 0; single < 2; single++) {
+    msim_options opt = options("takahashi-imada", 1e-3);
+    opt.precision = single ? MSIM_PRECISION_SINGLE : MSIM_PRECISION_DOUBLE;
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, 300, err));
+    const double off = single ? largest_difference(state_of(sim).x, x, 3 * 81) : 1e-7;
+    assert_true(off > 1e-9 && off < 2e-5);
+    memcpy(x, state_of(sim).x, sizeof x);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* The state at the start is returned as it was given, and a run that is resumed in its first steps,
+ * when velocities of earlier ones are missing, has the same bits. */
+static void the_first_steps_resume_to_the_bit(void **state) {
+  (void)state;
+  msim_scene *scene = swinging_cloth(0.003, 0.02);
+  const msim_options opt = options("takahashi-imada", 1e-3);
+  for (int steps = 0; steps < 5; steps++) {
+    msim_sim *sim = make_sim(scene, &opt);
+    assert_ok(msim_sim_step(sim, steps, err));
+    if (steps == 0) assert_memory_equal(state_of(sim).x, scene->data->x, 3 * 81 * sizeof(double));
+    const checkpoint c = save(sim);
+    msim_sim *same = resume(scene, &opt, &c);
+    for (int more = 0; more < 3; more++) {
+      const msim_state s = state_of(sim), t = state_of(same);
+      assert_memory_equal(s.x, t.x, 3 * (size_t)s.n * sizeof *s.x);
+      assert_memory_equal(s.v, t.v, 3 * (size_t)s.n * sizeof *s.v);
+      assert_ok(msim_sim_step(sim, 2, err));
+      assert_ok(msim_sim_step(same, 2, err));
+    }
+    free(c.bytes);
+    msim_sim_destroy(sim), msim_sim_destroy(same);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Trials of integrator = auto take their turns in one sim: velocities of pinned particles are 0,
+ * whatever another method has left in work vectors. */
+static void other_methods_leave_nothing(void **state) {
+  (void)state;
+  msim_scene *scene = swinging_cloth(0.003, 0.02);
+  const msim_state start = {
+      .size = sizeof start, .n = 81, .x = scene->data->x, .v = scene->data->v};
+  double v[3 * 81];
+  for (int round = 0; round < 2; round++) {
+    msim_options opt = options("dop853", 1e-3);
+    opt.steps = 10;
+    msim_sim *sim = make_sim(scene, &opt);
+    for (int i = 0; i < sim->config.integrator->nwork; i++)
+      for (size_t row = 0; row < 3 * (size_t)sim->islands->model.unknowns.stride && round; row++)
+        sim->islands->stepper.work[i][row] = 1e3;
+    ms_sim_switch_method(sim, &ms_dop853, 1e-3);
+    assert_ok(msim_sim_set_state(sim, &start, err));
+    ms_sim_switch_method(sim, &ms_takahashi_imada, 1e-3);
+    assert_ok(ms_sim_make_steps(sim, 5, err));
+    if (round) assert_memory_equal(state_of(sim).v, v, sizeof v);
+    memcpy(v, state_of(sim).v, sizeof v);
+    msim_sim_destroy(sim);
+  }
+  msim_scene_destroy(scene);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {cmocka_unit_test(the_product_decides),
+                                     cmocka_unit_test(the_limit_holds_for_all_pairs),
+                                     cmocka_unit_test(weak_damping_keeps_it_accurate),
+                                     cmocka_unit_test(floats_are_as_accurate_as_their_rounding),
+                                     cmocka_unit_test(the_first_steps_resume_to_the_bit),
+                                     cmocka_unit_test(other_methods_leave_nothing)};
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
