@@ -5,6 +5,7 @@
 #include "base/archive.h"
 #include "checkpoints.h"
 #include "scene_check.h"
+#include "sim/sim.h"
 
 static msim_scene *cloth(void) { return hanging_cloth(5, 300, 0.01); }
 
@@ -231,6 +232,36 @@ static void forged_bytes_do_no_harm(void **state) {
   }
 }
 
+/* Replace the first number of this value, and return the message of the refusal. */
+static const char *forge(msim_sim *sim, const checkpoint *c, double value, double by) {
+  static msim_error why;
+  unsigned char *bytes = malloc(c->length);
+  const checkpoint forged = {memcpy(bytes, c->bytes, c->length), c->length};
+  size_t at = 40;
+  while (at + 8 < c->length && memcmp(bytes + at, &value, 8) != 0) at++;
+  memcpy(bytes + at, &by, 8);
+  hash_again(&forged);
+  assert_int_equal(msim_sim_load(sim, bytes, c->length, &why), MSIM_ERR_ARG);
+  free(bytes);
+  return why.text;
+}
+
+/* A rounding error of the time that is none */
+static void a_forged_rounding_error_is_refused(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(3, 100, 0);
+  msim_options opt = options_for("dop853");
+  opt.t_end = 0.5, opt.steps = -1, opt.fps = 500;
+  msim_sim *sim = make_sim(scene, &opt);
+  assert_ok(msim_sim_step(sim, 6, err));
+  const checkpoint c = save(sim);
+  assert_true(sim->run.t_rounding != 0);
+  assert_non_null(strstr(forge(sim, &c, sim->run.t_rounding, 1e-3), "a time"));
+  free(c.bytes);
+  msim_sim_destroy(sim);
+  msim_scene_destroy(scene);
+}
+
 /* msim_sim_save_size() is a bound for the whole run. */
 static void the_size_is_known_before(void **state) {
   (void)state;
@@ -314,6 +345,7 @@ int main(void) {
                                      cmocka_unit_test(damaged_bytes_are_refused),
                                      cmocka_unit_test(what_is_wrong_is_told),
                                      cmocka_unit_test(forged_bytes_do_no_harm),
+                                     cmocka_unit_test(a_forged_rounding_error_is_refused),
                                      cmocka_unit_test(the_size_is_known_before),
                                      cmocka_unit_test(a_load_without_memory_changes_nothing)};
   return cmocka_run_group_tests_name("checkpoint_refusals", tests, NULL, NULL);
