@@ -21,9 +21,9 @@ PRECISION = {"auto_over_best_p80", "auto_over_best_worst", "auto_over_best_cells
              "auto_over_best_missing", "auto_over_best_empty", "respa_over_velocity_verlet",
              "error_over_tol_worst", "single_over_double_1e2", "single_over_double_1e3",
              "single_over_double_1e4"}
-SCENES = ["trampoline", "folding", "stiff", "damped", "damped_rope", "damped_jelly", "jelly",
-          "chain", "dumbbells", "slide", "cord"]
-DAMPED = ["damped", "damped_rope", "damped_jelly"]
+SCENES = ["trampoline", "folding", "stiff", "damped", "lightly_damped", "damped_rope",
+          "damped_jelly", "jelly", "chain", "dumbbells", "slide", "cord"]
+DAMPED = ["damped", "lightly_damped", "damped_rope", "damped_jelly"]
 FREE = [name for name in SCENES if name not in [*DAMPED, "jelly", "dumbbells", "slide"]]
 OVER_SUNDIALS = {"best_over_sundials_": ("best", FREE + DAMPED),
                  "damped_over_sundials_": ("best", DAMPED),

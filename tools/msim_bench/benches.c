@@ -40,8 +40,8 @@ static const bench_entry benches[] = {
      .run = bench_step},
     {.name = "precision",
      .doc = "run time against error of every integrator, compared with CVODE and ARKODE",
-     .scenes = "trampoline, folding, stiff, damped, damped_rope, damped_jelly, jelly, chain, "
-               "dumbbells, slide, cord",
+     .scenes = "trampoline, folding, stiff, damped, lightly_damped, damped_rope, damped_jelly, "
+               "jelly, chain, dumbbells, slide, cord",
      .run = bench_precision},
     {.name = "stability",
      .doc = "longest stable steps compared with theory, and scenes in which integrators fail",

@@ -60,6 +60,11 @@ static msim_status damped(int32_t side, msim_scene *scene, msim_error *err) {
   return hang_cloth(side, 1e3, 0.5, scene, err);
 }
 
+/* A fiftieth of critical damping for 24 x 24 particles */
+static msim_status lightly_damped(int32_t side, msim_scene *scene, msim_error *err) {
+  return hang_cloth(side, 1e3, 0.02, scene, err);
+}
+
 static int is_edge(int32_t i, int32_t side) {
   const int32_t row = i / side, column = i % side;
   return row == 0 || column == 0 || row == side - 1 || column == side - 1;
@@ -214,6 +219,8 @@ static const precision_scene scenes[] = {
     {"damped",
      "cloth pinned at two corners, with damping of 1/2 (24 x 24) or 1/4 (12 x 12) of critical",
      SCENE(24, 12, 0.5, 0.1, 1, 0, 0), damped},
+    {"lightly_damped", "the same, with damping of 1/50 or 1/100 of critical",
+     SCENE(24, 12, 0.5, 0.1, 1, 0, 0), lightly_damped},
     {"damped_rope", "rope pinned at one end, with damping of 1/2 of critical (32 particles)",
      SCENE(32, 16, 0.5, 0.2, 1, 0, 0), damped_rope},
     {"damped_jelly", "block pinned at a face, with damping of 1/4 of critical (8 x 8 x 8)",
