@@ -195,6 +195,19 @@ static inline const char *method_at(int32_t i) {
   return entry && entry->order > 0 ? entry->name : NULL;
 }
 
+/* A mass of 1 kg on a pinned spring of 1 m, stretched by 1 %, with a speed along it */
+static inline msim_scene *mass_on_spring(double k, double damping, double speed) {
+  const double x[6] = {0, 0, 0, 1.01, 0, 0}, v[6] = {0, 0, 0, speed, 0, 0}, mass[2] = {1, 1},
+               rest = 1;
+  const int32_t ij[2] = {0, 1}, pin = 0;
+  msim_scene *scene;
+  assert_ok(msim_scene_create(NULL, &scene, err));
+  assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &damping, err));
+  assert_ok(msim_scene_pin(scene, 1, &pin, err));
+  return scene;
+}
+
 /* 1 if each step solves a system. */
 static inline int is_implicit(const char *method) {
   const msim_integrator_entry *entry;

@@ -195,15 +195,8 @@ static void new_parameters_move_nothing(void **state) {
 static void energy_is_right_at_long_steps(void **state) {
   (void)state;
   const double shares[] = {0.05, 0.2, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95};
-  const double x[6] = {0, 0, 0, 1.01, 0, 0}, mass[2] = {1, 1}, k = 1e4, rest = 1;
-  const int32_t ij[2] = {0, 1}, pin = 0;
   for (int i = 0; i < 18; i++) {
-    const double v[6] = {0, 0, 0, i % 2 ? 0.7 : 0, 0, 0};
-    msim_scene *scene;
-    assert_ok(msim_scene_create(NULL, &scene, err));
-    assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
-    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, NULL, err));
-    assert_ok(msim_scene_pin(scene, 1, &pin, err));
+    msim_scene *scene = mass_on_spring(1e4, 0, i % 2 ? 0.7 : 0);
     msim_options opt = options("takahashi-imada", shares[i / 2] * sqrt(12) / 100);
     msim_sim *sim = make_sim(scene, &opt);
     const double start = energy_of(sim).total;

@@ -11,21 +11,9 @@
 
 static const double K = 22. / 3; /* the sum of the weights of v*, without their signs, times 2 */
 
-/* A mass on a spring of 1 m that is pinned: w^2 = k, g = damping; it swings along the spring. */
-static msim_scene *oscillator(double w, double g) {
-  const double x[6] = {0, 0, 0, 1.01, 0, 0}, mass[2] = {1, 1}, k = w * w, rest = 1;
-  const int32_t ij[2] = {0, 1}, pin = 0;
-  msim_scene *scene;
-  assert_ok(msim_scene_create(NULL, &scene, err));
-  assert_ok(msim_scene_add_particles(scene, 2, x, NULL, mass, err));
-  assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &g, err));
-  assert_ok(msim_scene_pin(scene, 1, &pin, err));
-  return scene;
-}
-
-/* 1: 4000 steps of 1 s leave the oscillator as it was, or damp it. */
+/* 1: 4000 steps of 1 s leave a mass with w^2 = k and this damping as it was, or damp it. */
 static int is_stable(double w, double g) {
-  msim_scene *scene = oscillator(w, g);
+  msim_scene *scene = mass_on_spring(w * w, g, 0);
   msim_options opt = options("takahashi-imada", 1);
   opt.watch = MSIM_WATCH_OFF;
   msim_sim *sim = make_sim(scene, &opt);

@@ -10,7 +10,7 @@
 
 enum { VERLET, WITH_VELOCITIES, FOURTH = 4 }; /* candidates */
 
-/* Damping of 1/200 of the critical one of a spring */
+/* Damping of about 1/900 (9 x 9) of sqrt(2 k m), the critical one of two particles on a spring */
 static msim_scene *cloth_of(int side) { return hanging_cloth(side, 3e3, 0.005); }
 
 static msim_sim *planned(const msim_scene *scene, double tol) {

@@ -1,5 +1,7 @@
 #include "base/archive.h"
 
+#include <float.h>
+#include <math.h>
 #include <string.h>
 
 /* Copy what lies in the buffer, which has a part of all bytes. */
@@ -38,6 +40,10 @@ void ms_archive_transfer_vector(ms_archive *b, ms_shape shape, void *x) {
 
 void ms_archive_check(ms_archive *b, int is_so, const char *what) {
   if (b->direction == MS_ARCHIVE_READ && !is_so && !b->invalid_item) b->invalid_item = what;
+}
+
+void ms_archive_check_rounding(ms_archive *b, double sum, double rounding, const char *what) {
+  ms_archive_check(b, fabs(rounding) <= 2 * DBL_EPSILON * fabs(sum), what);
 }
 
 /* For a fixed word this is a bijection of the hash, for a fixed hash one of the word: data that

@@ -59,6 +59,9 @@ static inline int ms_archive_failed(const ms_archive *b) {
 /* Mark the item `what` as invalid if it was read and !is_so. */
 void ms_archive_check(ms_archive *b, int is_so, const char *what);
 
+/* The rounding error of a sum (Kahan) is not larger than that of one addition. */
+void ms_archive_check_rounding(ms_archive *b, double sum, double rounding, const char *what);
+
 /* Hash of `before` and these bytes. A change of one byte always changes the hash. */
 uint64_t ms_archive_hash(uint64_t before, const void *data, size_t size);
 

@@ -1,6 +1,5 @@
 #include "checkpoint/saved_run.h"
 
-#include <float.h>
 #include <math.h>
 #include <stddef.h>
 
@@ -84,7 +83,7 @@ void ms_saved_run_archive(ms_archive *b, const msim_sim *sim, ms_saved_run *r) {
   if (r->tol > 0) r->monitor.good.h = r->monitor.good.control.h;
   ms_error_growth_archive(b, &r->error_growth);
   ms_archive_check(b, r->run.step >= r->run.step0 && r->run.h > 0 && r->solver_h >= 0, "the step");
-  ms_archive_check(b, fabs(r->run.t_rounding) <= 2 * DBL_EPSILON * fabs(r->run.t), "a time");
+  ms_archive_check_rounding(b, r->run.t, r->run.t_rounding, "a time");
 }
 
 /* Error scales are those of the state that the run started from. */

@@ -108,6 +108,11 @@ void ms_control_reject_failed(ms_control *c, double h) {
   c->shrunk = 1;
 }
 
+/* h'/h = s r^(-1/k), for the error r of this step alone */
+static double factor_of_one_step(const ms_control *c, double r) {
+  return c->safety * pow(r, -1 / c->order);
+}
+
 /* h'/h, with r the relative errors of this step and of the one before, and s the safety factor, so
  * that r tends to s^k:
  *   h' = h s^(a - b) r^(-a/k) r_before^(b/k),
@@ -122,13 +127,13 @@ static double step_factor(const ms_control *c, double r) {
   const double A = c->limited ? 0.4 : 0.7, B = c->limited ? 0.3 : 0.4, TINY = 1e-10, k = c->order;
   if (r < TINY) r = TINY;
   if (c->previous > 0) return pow(c->safety, A - B) * pow(r, -A / k) * pow(c->previous, B / k);
-  return c->safety * pow(r, -1 / k);
+  return factor_of_one_step(c, r);
 }
 
 int ms_control_update(ms_control *c, double h, double r) {
   const double LEAST = 0.2, MOST_SHARES = 3, KEPT = 5, unused = c->unused + (1 - r) * h;
   if (!(r <= 1) && !(r <= MOST_SHARES && unused >= KEPT * h)) {
-    c->h = h * (isfinite(r) ? fmax(LEAST, c->safety * pow(r, -1 / c->order)) : LEAST);
+    c->h = h * (isfinite(r) ? fmax(LEAST, factor_of_one_step(c, r)) : LEAST);
     c->shrunk = 1;
     return 0;
   }

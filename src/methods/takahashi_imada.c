@@ -40,8 +40,9 @@
  * BEFORE and EARLIER hold v(t - 3h/2) and v(t - 5h/2), STAR v* */
 enum { A, STAGE, X0, V0, BEFORE, EARLIER, STAR, NWORK };
 
-/* cached_stage. 0: there is no history, as where no force depends on velocities, or after a return;
- * AT_START: x, v are those of X0, V0; HAS_HISTORY: BEFORE and EARLIER are set. */
+/* cached_stage, which selects the pair of work vectors that later steps read. 0: none, as where no
+ * force depends on velocities, or where an unstable run has returned to an earlier state; AT_START:
+ * x, v are those of X0, V0; HAS_HISTORY: BEFORE and EARLIER are set. */
 enum { AT_START = 1, HAS_HISTORY };
 
 /* v*; NULL where no force depends on velocities. Without history it is v(t - h/2), for one step */

@@ -371,8 +371,8 @@ void ms_energy_monitor_archive(ms_archive *b, const msim_sim *sim, const ms_run_
     MS_ARCHIVE_TRANSFER(b, *numbers[i]);
     ms_archive_check(b, isfinite(*numbers[i]), "the time or work of the last good state");
   }
-  ms_archive_check(b, fabs(w->good.t_rounding) <= 2 * DBL_EPSILON * fabs(w->good.t),
-                   "the time or work of the last good state");
+  ms_archive_check_rounding(b, w->good.t, w->good.t_rounding,
+                            "the time or work of the last good state");
   ms_control_archive(b, &w->good.control);
 }
 
