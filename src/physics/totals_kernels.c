@@ -26,24 +26,30 @@ MS_INLINE void add_rows(int dims, const ms_totals_job *j, size_t row, tally *t) 
   }
 }
 
-/* The lanes that contribute: those whose neighbour is a later row, as all pinned ones are, so that
- * each spring counts once. */
-MS_INLINE ms_mask contributing_lanes(const ms_half_edges *half_edges, int32_t entry,
-                                     ms_slice_range p, size_t lane) {
+/* The side of an entry's neighbours in the order of the rows: consecutive ones of a slice are all
+ * earlier than its rows or all later */
+typedef enum neighbour_side { EARLIER, LATER, MIXED } neighbour_side;
+
+MS_INLINE neighbour_side find_side(const ms_half_edges *half_edges, int32_t entry,
+                                   ms_slice_range p) {
+  const int32_t start = half_edges->entry[entry].start;
+  if (start < 0 || p.is_split) return MIXED;
+  return (size_t)start < p.row ? EARLIER : LATER;
+}
+
+/* k of a register's springs whose neighbour is a later row, as all pinned ones are, so that each
+ * spring counts once; 0 of the others */
+MS_INLINE ms_lanes load_counted_stiffness(const ms_half_edges *half_edges, int32_t entry,
+                                          neighbour_side side, ms_slice_range p, size_t lane) {
+  const ms_lanes k = ms_simd_load(half_edges->k + half_edges->entry[entry].value + lane);
   const int32_t at = MS_SLICE * entry + (int32_t)lane;
   ms_mask other, own;
+  if (side == LATER) return k;
   for (int l = 0; l < MS_LANES; l++) {
     other[l] = ms_half_edges_neighbour(half_edges, at + l);
     own[l] = (int64_t)p.row + (p.is_split ? 0 : (int64_t)lane + l);
   }
-  return other > own;
-}
-
-/* All neighbours are earlier rows: no lane contributes. */
-MS_INLINE int has_earlier_neighbours(const ms_half_edges *half_edges, int32_t entry,
-                                     ms_slice_range p) {
-  const int32_t start = half_edges->entry[entry].start;
-  return start >= 0 && !p.is_split && (size_t)start < p.row;
+  return ms_simd_select(other > own, k, (ms_lanes){0});
 }
 
 /* Sums of the elastic energy of the springs of one register of rows */
@@ -52,17 +58,16 @@ MS_INLINE ms_lanes sum_elastic(int dims, const ms_model *m, int32_t range, ms_sl
   const size_t stride = (size_t)m->unknowns.stride;
   const ms_half_edges *half_edges = &m->half_edges;
   const ms_lane_vectors xi = ms_load_own(dims, p, lane, x, stride);
-  const ms_lanes zero = {0};
-  ms_lanes sum = zero;
+  ms_lanes sum = {0};
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
-    if (has_earlier_neighbours(half_edges, entry, p)) continue;
-    const size_t value = (size_t)half_edges->entry[entry].value + lane;
-    const ms_mask mine = contributing_lanes(half_edges, entry, p, lane);
+    const neighbour_side side = find_side(half_edges, entry, p);
+    if (side == EARLIER) continue;
     const ms_lane_vectors d =
         ms_subtract_vec(dims, ms_load_neighbours(dims, half_edges, entry, lane, x, stride), xi);
     const ms_lanes l = ms_simd_sqrt(ms_dot_vec(dims, d, d));
-    const ms_lanes k = ms_simd_select(mine, ms_simd_load(half_edges->k + value), zero);
-    sum += MS_SPRING_ENERGY(k, ms_simd_load(half_edges->rest + value), l);
+    const ms_lanes k = load_counted_stiffness(half_edges, entry, side, p, lane);
+    const ms_lanes rest = ms_simd_load(half_edges->rest + half_edges->entry[entry].value + lane);
+    sum += MS_SPRING_ENERGY(k, rest, l);
   }
   return sum;
 }
