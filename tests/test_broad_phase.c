@@ -137,13 +137,14 @@ static void add_random_collider(unsigned *seed, int type, msim_scene *scene) {
   if (uniform(seed) < 0.4) set_uniform(scene, at, u, uniform(seed) < 0.5 ? w : NULL);
 }
 
-/* A few particles and one obstacle, or many of both */
+/* A few particles and one obstacle, or many of both, or many particles and planes alone */
 static msim_scene *random_scene(unsigned *seed, int number) {
-  const int many = number % 32 == 0, first = number % (MSIM_COLLIDER_SDF + 1);
+  const int many = number % 32 == 0, alone = number % 64 == 0,
+            first = number % (MSIM_COLLIDER_SDF + 1);
   msim_scene *scene = new_scene();
   add_walk(seed, many ? MANY : 1 + number % 19, scene);
-  if (many || first == 0) add_random_plane(seed, scene);
-  for (int k = 0; k < (many ? 3 : first > 0); k++)
+  for (int k = 0; k < (alone ? 3 : many || first == 0); k++) add_random_plane(seed, scene);
+  for (int k = 0; k < (alone ? 0 : many ? 3 : first > 0); k++)
     add_random_collider(seed, 1 + (first + 5 + k) % MSIM_COLLIDER_SDF, scene);
   return scene;
 }
@@ -258,6 +259,81 @@ static void no_particle_is_left_out(void **state) {
   assert_true(at_points.found > at_points.all / 20 && at_points.left_out > at_points.all / 20);
 }
 
+/* 1: x, or y unless it is NULL, is as close to one of the planes as touches it. */
+static int is_near_plane(const ms_collision_planes *planes, const double x[3], const double *y) {
+  for (const msim_plane *p = planes->plane; p < planes->plane + planes->n; p++)
+    if (ms_impacts_distance(p, x) <= planes->contact_distance ||
+        (y && ms_impacts_distance(p, y) <= planes->contact_distance))
+      return 1;
+  return 0;
+}
+
+/* `b` leaves the particles alone that meet a plane; *n counts all particles and those. */
+static void compare_with_planes(ms_broad_phase b, counts *n) {
+  const ms_unknowns *rows = &b.model->unknowns;
+  int32_t next = ms_broad_phase_next(&b, 0);
+  for (int32_t r = 0; r < rows->nfree; r++) {
+    double x[3], y[3], v[3], a[3];
+    const ms_parabola path = {.planes = b.planes, .x = x, .v = v, .a = a};
+    ms_unknowns_get(rows, b.x, r, x);
+    if (b.x_end) ms_unknowns_get(rows, b.x_end, r, y);
+    if (b.v) ms_unknowns_get(rows, b.v, r, v), ms_unknowns_get(rows, b.a, r, a);
+    const int meets =
+        b.v ? ms_impact_time_may_touch(&path, b.h) : is_near_plane(b.planes, x, b.x_end ? y : NULL);
+    assert_int_equal(next == r, meets);
+    if (meets) next = ms_broad_phase_next(&b, r + 1);
+    n->all++, n->found += meets;
+  }
+  assert_int_equal(next, rows->nfree);
+}
+
+/* Particles anywhere, in a plane if `flat`, that in 1 s move by more than their distances */
+static void add_fast_particles(unsigned *seed, int n, int flat, msim_scene *scene) {
+  const double mass = 1;
+  for (int i = 0; i < n; i++) {
+    double x[3], v[3];
+    random_vector(seed, 1, x), random_vector(seed, 2, v);
+    if (flat) x[1] = v[1] = 0;
+    assert_ok(msim_scene_add_particles(scene, 1, x, v, &mass, err));
+  }
+}
+
+static void planes_alone_leave_particles_that_meet_them(void **state) {
+  (void)state;
+  unsigned seed = 3;
+  counts on_paths = {0}, at_points = {0}, on_ways = {0};
+  for (int k = 0; k < 300; k++) {
+    msim_scene *scene = new_scene();
+    ms_model model;
+    double *x, *v, *a;
+    add_fast_particles(&seed, 1 + k, k % 3 == 0, scene);
+    for (int i = 0; i < 1 + k % 2; i++) add_random_plane(&seed, scene);
+    assert_ok(ms_model_create(scene->data, 0, &model, err));
+    assert_true(MS_NEW_VECTORS(scene->data, &model.unknowns, &x, &v, &a));
+    ms_unknowns_gather(&model.unknowns, scene->data->x, x);
+    ms_unknowns_gather(&model.unknowns, scene->data->v, v);
+    for (int32_t i = 0; i < model.shape.dims * model.shape.stride; i++)
+      a[i] = v[i] != 0 ? 8 * uniform(&seed) - 4 : 0;
+    const ms_collision_planes planes = {.n = scene->data->nplanes,
+                                        .plane = scene->data->planes,
+                                        .scene_size = 3,
+                                        .contact_distance = k % 4 < 2 ? 0 : 0.02};
+    ms_broad_phase b = {.model = &model, .planes = &planes, .x = x, .h = 0.2 + uniform(&seed)};
+    compare_with_planes(b, &at_points);
+    b.v = v, b.a = a;
+    compare_with_planes(b, &on_paths);
+    ms_vector_add_scaled(model.shape, x, b.h, v, a); /* a: where straight paths end */
+    b.v = b.a = NULL, b.x_end = a;
+    compare_with_planes(b, &on_ways);
+    MS_FREE(&scene->data->alloc, x, v, a);
+    ms_model_destroy(&model);
+    msim_scene_destroy(scene);
+  }
+  assert_in_range(at_points.found, at_points.all / 5, on_ways.found);
+  assert_in_range(on_ways.found, at_points.found + at_points.all / 20, 9 * on_ways.all / 10);
+  assert_in_range(on_paths.found, at_points.found + at_points.all / 20, 9 * on_paths.all / 10);
+}
+
 /* Far from all obstacles no particle, and near to a few of them no more than slices, are tested. */
 static void far_obstacles_cost_no_exact_test(void **state) {
   (void)state;
@@ -286,6 +362,7 @@ static void far_obstacles_cost_no_exact_test(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(no_point_of_a_box_is_nearer_than_the_bound),
                                      cmocka_unit_test(boxes_are_those_of_a_loop),
+                                     cmocka_unit_test(planes_alone_leave_particles_that_meet_them),
                                      cmocka_unit_test(far_obstacles_cost_no_exact_test),
                                      cmocka_unit_test(no_particle_is_left_out)};
   return cmocka_run_group_tests(tests, NULL, NULL);

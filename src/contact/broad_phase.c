@@ -73,11 +73,22 @@ static int may_touch(const ms_broad_phase *b, const region *of) {
   return 0;
 }
 
+/* The first row from `row` on of a chunk that may touch planes alone */
+static int32_t next_near_plane(ms_broad_phase *b, int32_t row) {
+  row = ms_bounds_kernels_of[b->model->isa]->find_near_plane(b, row, b->chunk_end);
+  if (row < b->chunk_end) b->slice_end = row + 1;
+  return row;
+}
+
 int32_t ms_broad_phase_next(ms_broad_phase *b, int32_t row) {
   enum { CHUNK = 256 };
   const int32_t n = b->model->unknowns.nfree;
   while (row < n && row >= b->slice_end) {
     const int is_new = row >= b->chunk_end; /* chunk */
+    if (!is_new && b->planes->nsolids == 0) {
+      row = next_near_plane(b, row);
+      continue;
+    }
     const int32_t left = (is_new ? n : b->chunk_end) - row, size = is_new ? CHUNK : MS_SLICE,
                   end = row + (left < size ? left : size);
     const region of = bound_rows(b, row, end);

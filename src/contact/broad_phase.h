@@ -2,7 +2,8 @@
  *
  * The box of the positions of a chunk, and a bound on the displacements of its particles, show that
  * none of them reaches an obstacle; where they do not, the same is tried with each slice of the
- * chunk. So obstacles that are far away cost a pass over the vectors. */
+ * chunk, or, if there are planes alone, with each particle. So obstacles that are far away cost a
+ * pass over the vectors. */
 #ifndef MS_BROAD_PHASE_H
 #define MS_BROAD_PHASE_H
 
@@ -16,7 +17,8 @@ typedef struct ms_broad_phase {
   const double *v, *a; /* on parabolas from x with v and a for h; NULL: without */
   const double *x_end; /* NULL; or on straight paths from x to there */
   double h;
-  int32_t chunk_end, slice_end; /* 0 at first: ends of the last chunk and slice that may touch */
+  int32_t chunk_end, slice_end; /* 0 at first: ends of the last chunk, and slice or row of it, that
+                                   may touch */
 } ms_broad_phase;
 
 /* The first row from `row` on for which ms_impact_time_may_touch() may be true, or, without v and
