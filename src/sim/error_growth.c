@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "base/vec3.h"
+#include "contact/broad_phase.h"
 #include "integrate/interpolate.h"
 #include "methods/methods.h"
 #include "sim/sim.h"
@@ -145,10 +146,13 @@ typedef struct last_step {
   const double *a; /* accelerations at its end; NULL until they are needed */
 } last_step;
 
+/* Speeds and distances at rest, over the scales of a body */
+static const double REST = 1e-9;
+
 /* 1: a particle met the plane in the last step, of h, as *met says. */
 static int find_impact_effect(msim_sim *sim, ms_island_sim *m, int32_t row, const msim_plane *plane,
                               last_step *step, impact_effect *met) {
-  const double REST = 1e-9, SHARE = 0.3, e = plane->restitution, *n = plane->normal;
+  const double SHARE = 0.3, e = plane->restitution, *n = plane->normal;
   const ms_unknowns *rows = &m->model.unknowns;
   const ms_norm_body *part = &m->norm.body[m->norm.body_of[row]];
   double at[3];
@@ -177,18 +181,38 @@ static void move_disturbance(double t, const double a[3], double x[3], double v[
   ms_vec3_axpy(t, a, v);
 }
 
+/* The particles that may have met a plane in the last step, of h: they are at rest there, or within
+ * 2 h max(-n.v, n.v') of it, v and v' the velocities before and after the step, which is at most
+ * 2 h n.(v' - v) where n.v < 0 < n.v'. planes: outlives it */
+static ms_broad_phase begin_broad_phase(const msim_sim *sim, ms_island_sim *m, double h,
+                                        ms_collision_planes *planes) {
+  const ms_shape shape = m->model.shape;
+  double extent = 0, *back = m->stepper.x_spare[0];
+  for (int32_t i = 0; i < m->norm.n; i++) extent = fmax(extent, m->norm.body[i].extent);
+  ms_vector_add_scaled(shape, m->stepper.x, -2 * h, m->stepper.v, back);
+  ms_vector_axpy(shape, 2 * h, m->disturbance.v, back);
+  *planes = (ms_collision_planes){
+      .n = sim->scene->nplanes, .plane = sim->scene->planes, .contact_distance = REST * extent};
+  return (ms_broad_phase){.model = &m->model, .planes = planes, .x = m->stepper.x, .x_end = back};
+}
+
 /* Apply the impacts of the last step, of h: d, of the end of the last stride, is moved to the end
  * of the step and back. */
 static void apply_impacts(msim_sim *sim, ms_island_sim *m, double h) {
   const ms_unknowns *rows = &m->model.unknowns;
   ms_disturbance *d = &m->disturbance;
+  ms_collision_planes planes;
+  ms_broad_phase near = begin_broad_phase(sim, m, h, &planes);
   last_step step = {.h = h};
-  for (int32_t row = 0; row < rows->nfree; row++)
+  int any = 0;
+  for (int32_t row = ms_broad_phase_next(&near, 0); row < rows->nfree;
+       row = ms_broad_phase_next(&near, row + 1))
     for (int32_t p = 0; p < sim->scene->nplanes; p++) {
       const double *n = sim->scene->planes[p].normal;
       double dx[3], dv[3], da[3];
       impact_effect met;
       if (!find_impact_effect(sim, m, row, &sim->scene->planes[p], &step, &met)) continue;
+      any = 1;
       ms_unknowns_get(rows, d->dx, row, dx);
       ms_unknowns_get(rows, d->dv, row, dv);
       ms_unknowns_get(rows, d->a, row, da);
@@ -200,7 +224,7 @@ static void apply_impacts(msim_sim *sim, ms_island_sim *m, double h) {
       ms_unknowns_set(rows, dx, row, d->dx);
       ms_unknowns_set(rows, dv, row, d->dv);
     }
-  d->error *= normalize(m);
+  if (any) d->error *= normalize(m);
 }
 
 static void follow_island(msim_sim *sim, ms_island_sim *m, double h) {
