@@ -31,7 +31,14 @@ static int is_relaxed(const ms_pilot_run *p, const ms_candidate *c) {
   return c->control_tol > p->tol;
 }
 
+/* A quarter of the length of the pilot run. In a run that has begun that is short, and ends at the
+ * first of many impacts: there as far as fixed steps are tried. */
+static double longest_time(const ms_pilot_run *p) {
+  return p->mid_run ? p->span / MS_TRIALS_AT_PLANES : fmax(p->duration, p->span / 16) / 4;
+}
+
 double ms_control_trial_steps(const ms_pilot_run *p, const ms_candidate *c) {
+  if (p->planes_count) return longest_time(p) / c->h;
   return is_relaxed(p, c) ? 3 * STEPS + 2 * MS_DECAY_STEPS : STEPS;
 }
 
@@ -83,13 +90,11 @@ static msim_status check_relaxed(ms_pilot_run *p, msim_sim *trial, ms_candidate 
   return status;
 }
 
-/* Over a quarter of the length of the pilot run. In a run that has begun it is short, and ends at
- * the first of many impacts: there as far as fixed steps are tried. Evaluations of dop853 count
- * more, as it forms so many sums (method_choice.c). */
+/* Evaluations of dop853 count more, as it forms so many sums (method_choice.c). */
 msim_status ms_control_trial_make(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
   const double SUMS = c->method == &ms_dop853 ? 13. / 12 : 1;
-  const double t = p->mid_run ? p->span / MS_TRIALS_AT_PLANES : fmax(p->duration, p->span / 16) / 4;
-  const double steps = p->planes_count ? INFINITY : STEPS, longest = c->h;
+  const double t = longest_time(p), longest = c->h;
+  const double steps = p->planes_count ? INFINITY : STEPS;
   const ms_trial of = {
       .method = c->method, .collision = c->collision, .tol = c->control_tol, .h = fmin(c->h, t)};
   msim_sim *trial;

@@ -30,7 +30,8 @@ int ms_control_trial_may_relax(const ms_pilot_run *p, const ms_integrator *metho
  * tol only if the relaxed tolerance does not keep it. */
 int ms_control_trial_relaxes_first(const ms_pilot_run *p);
 
-/* The number of steps that a trial of c makes without planes, those that show its error included */
+/* The number of steps that a trial of c makes, those that show its error included; with planes, of
+ * its longest step */
 double ms_control_trial_steps(const ms_pilot_run *p, const ms_candidate *c);
 
 /* Run `trial`, under error control, from its present state to t, or until it has spent `most`

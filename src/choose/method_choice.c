@@ -129,15 +129,22 @@ static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
 /* 1: error control exceeds the limit of stability by MS_LOOSE in most states. */
 static int is_limit_loose(const ms_pilot_run *p) { return p->damped && !p->planes_count; }
 
+/* 1: trials cost much, a fifth of a run each with fixed steps: planes count (pilot_run.h), and
+ * particles are so many that no single impact decides whether a method keeps tol. */
+static int are_trials_long(const ms_pilot_run *p) { return p->planes_count && p->many; }
+
 /* The cost, and for an untried method 4 times that of its trial, with fixed steps m of them, 2 m
- * half steps and two starts: most savings turn out smaller than they seem. Error control is tried
- * first, as it keeps tol wherever the motion becomes rougher. */
+ * half steps and two starts: most savings turn out smaller than they seem. A long trial that only
+ * confirms a step counts once. Error control is tried first, as it keeps tol wherever the motion
+ * becomes rougher; but not if its trial is long and velocity Verlet needs but one evaluation. */
 static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c) {
-  if (c->tried || (is_controlled(i) && !is_limit_loose(p))) return c->cost_rate;
+  const int is_costly = is_limit_loose(p) || (are_trials_long(p) && !p->damped);
+  if (c->tried || (is_controlled(i) && !is_costly)) return c->cost_rate;
   const double trial = is_controlled(i) ? ms_control_trial_steps(p, c) * c->step_cost
                                         : 3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) +
                                               2 * candidate_list[i].first;
-  return c->cost_rate + 4 * trial / p->span;
+  const int confirms = are_trials_long(p) && c->error > 0;
+  return c->cost_rate + (confirms ? 1 : 4) * trial / p->span;
 }
 
 /* Set the longest step, which gives a lower bound on the cost. */
@@ -197,15 +204,18 @@ static msim_status measure_error(ms_pilot_run *p, double least, ms_candidate *c,
   return status;
 }
 
-/* Find the step whose error is tol: errors go like h^k once they are small (ROUGH). A step that is
- * more than twice as long or as short as the one tried has to be tried itself. The first trial,
- * mostly of the longest stable step, contains errors of fast modes that fall faster than h^k: with
- * order 4, and without impacts, the second one assumes two orders more. The error of a trial of m
- * steps cannot be smaller than their rounding, which adds up like sqrt(m): shorter steps would not
- * show a smaller one. */
+/* Find the step whose error is tol: errors go like h^k once they are small. Rough ones shorten a
+ * step 20-fold at most, unless 20 times the step that they predict is shorter still. A step that is
+ * more than twice as long or as short as the one tried has to be tried itself; where trials are
+ * long, one of 1.5 times its length does for two thirds of the cost. The first trial, mostly of the
+ * longest stable step, contains errors of fast modes that fall faster than h^k: with order 4, and
+ * without impacts, the second one assumes two orders more. The error of a trial of m steps cannot
+ * be smaller than their rounding, which adds up like sqrt(m): shorter steps would show no smaller
+ * one. */
 static msim_status try_candidate_step(ms_pilot_run *p, int i, double least, ms_candidate *c,
                                       double *most, msim_error *err) {
-  const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01;
+  const double SAFETY = 0.95, FARTHEST = 20, ROUGH = 0.01, LONGER = 1.5;
+  if (are_trials_long(p) && c->error > 0) c->h = fmin(*most, LONGER * c->h);
   const double k = make_trial(p, c).order, h = c->h;
   const int may_fall_faster = c->error == 0 && k == 4 && !p->planes_count;
   msim_status status = measure_error(p, least, c, err);
@@ -214,9 +224,10 @@ static msim_status try_candidate_step(ms_pilot_run *p, int i, double least, ms_c
   const double rounding = p->scales.rounding * p->span / (h * sqrt(ms_pilot_run_trial_steps(p, h)));
   const double ratio = p->tol / c->error,
                longest = may_fall_faster ? fmin(0.5, SAFETY * pow(ratio, 1 / (k + 2))) : 0,
-               change = fmin(FARTHEST, fmax(SAFETY * pow(ratio, 1 / k), longest));
+               change = fmin(FARTHEST, fmax(SAFETY * pow(ratio, 1 / k), longest)),
+               rough_change = fmax(change, fmin(1 / FARTHEST, FARTHEST * change));
   if (c->error > p->tol) *most = SAFETY * h;
-  c->h = fmin(*most, h * (c->error > ROUGH ? fmax(1 / FARTHEST, change) : change));
+  c->h = fmin(*most, h * (c->error > ROUGH ? rough_change : change));
   if (c->error <= p->tol && c->h < h) c->h = h;
   c->tried = c->error <= rounding || (c->h > h / 2 && c->h < 2 * h);
   c->error *= pow(c->h / h, k);
