@@ -268,7 +268,7 @@ static int is_near_plane(const ms_collision_planes *planes, const double x[3], c
   return 0;
 }
 
-/* `b` leaves the particles alone that meet a plane; *n counts all particles and those. */
+/* `b` finds exactly the particles that meet a plane; *n counts all particles and those. */
 static void compare_with_planes(ms_broad_phase b, counts *n) {
   const ms_unknowns *rows = &b.model->unknowns;
   int32_t next = ms_broad_phase_next(&b, 0);
@@ -298,7 +298,7 @@ static void add_fast_particles(unsigned *seed, int n, int flat, msim_scene *scen
   }
 }
 
-static void planes_alone_leave_particles_that_meet_them(void **state) {
+static void particles_that_meet_planes_are_found_exactly(void **state) {
   (void)state;
   unsigned seed = 3;
   counts on_paths = {0}, at_points = {0}, on_ways = {0};
@@ -362,7 +362,7 @@ static void far_obstacles_cost_no_exact_test(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(no_point_of_a_box_is_nearer_than_the_bound),
                                      cmocka_unit_test(boxes_are_those_of_a_loop),
-                                     cmocka_unit_test(planes_alone_leave_particles_that_meet_them),
+                                     cmocka_unit_test(particles_that_meet_planes_are_found_exactly),
                                      cmocka_unit_test(far_obstacles_cost_no_exact_test),
                                      cmocka_unit_test(no_particle_is_left_out)};
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -134,12 +134,13 @@ static int is_limit_loose(const ms_pilot_run *p) { return p->damped && !p->plane
 static int are_trials_long(const ms_pilot_run *p) { return p->planes_count && p->many; }
 
 /* The cost, and for an untried method 4 times that of its trial, with fixed steps m of them, 2 m
- * half steps and two starts: most savings turn out smaller than they seem. A long trial that only
- * confirms a step counts once. Error control is tried first, as it keeps tol wherever the motion
- * becomes rougher; but not if its trial is long and velocity Verlet needs but one evaluation. */
+ * half steps and two starts: most methods gain less than it seems. A long trial that only confirms
+ * a step counts once. Error control is tried first, as it keeps tol wherever the motion becomes
+ * rougher; but not if its trial is long and velocity Verlet needs but one evaluation. */
 static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c) {
-  const int is_costly = is_limit_loose(p) || (are_trials_long(p) && !p->damped);
-  if (c->tried || (is_controlled(i) && !is_costly)) return c->cost_rate;
+  const int trial_counts =
+      !is_controlled(i) || is_limit_loose(p) || (are_trials_long(p) && !p->damped);
+  if (c->tried || !trial_counts) return c->cost_rate;
   const double trial = is_controlled(i) ? ms_control_trial_steps(p, c) * c->step_cost
                                         : 3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) +
                                               2 * candidate_list[i].first;

@@ -48,10 +48,9 @@ MS_INLINE ms_lanes project(const ms_broad_phase *b, const double n[3], const dou
 }
 
 /* A parabola lies within the convex hull of its control points, x, x + h v/2 and its end, a line
- * within that of its ends. The margin for rounding may be generous, as it costs no more than a few
- * exact tests (impact_time.h). */
+ * within that of its ends (as in impact_time.c). */
 MS_INLINE ms_mask may_meet(const ms_broad_phase *b, const msim_plane *p, size_t row) {
-  const double ROUNDING = 1e-9, h = b->h, half_h2 = 0.5 * h * h;
+  const double h = b->h, half_h2 = 0.5 * h * h;
   ms_lanes size = (ms_lanes){0} + (b->planes->scene_size + fabs(p->offset));
   const ms_lanes start = project(b, p->normal, b->x, row, 1, &size);
   ms_lanes least = start;
@@ -62,7 +61,7 @@ MS_INLINE ms_mask may_meet(const ms_broad_phase *b, const msim_plane *p, size_t 
     least = ms_simd_lower(least, start + 0.5 * h * v);
     least = ms_simd_lower(least, start + h * v + half_h2 * a);
   }
-  return ~(least - p->offset > b->planes->contact_distance + ROUNDING * size);
+  return ~(least - p->offset > b->planes->contact_distance + MS_BROAD_PHASE_ROUNDING * size);
 }
 
 static int32_t find_near_plane(const ms_broad_phase *b, int32_t row, int32_t end) {

@@ -47,10 +47,9 @@ static region bound_rows(const ms_broad_phase *b, int32_t begin, int32_t end) {
   return of;
 }
 
-/* 1: a particle in the region may touch an obstacle. The margin for rounding may be generous, as it
- * costs no more than a few exact tests. */
+/* 1: a particle in the region may touch an obstacle. */
 static int may_touch(const ms_broad_phase *b, const region *of) {
-  const double ROUNDING = 1e-9;
+  const double ROUNDING = MS_BROAD_PHASE_ROUNDING;
   const ms_collision_planes *planes = b->planes;
   const double across = ms_vec3_norm(of->half), size = ms_vec3_norm(of->middle) + across;
   const double farthest[3] = {size, 0, 0};

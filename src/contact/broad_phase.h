@@ -10,6 +10,10 @@
 #include "contact/impacts.h"
 #include "physics/model.h"
 
+/* The margin of a distance for rounding errors, over the size of the numbers that it is computed
+ * from. It may be generous, as it costs no more than a few exact tests. */
+#define MS_BROAD_PHASE_ROUNDING 1e-9
+
 typedef struct ms_broad_phase {
   const ms_model *model;
   const ms_collision_planes *planes; /* solids that move are where they are at the start */
