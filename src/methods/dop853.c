@@ -6,107 +6,34 @@
 #include "contact/contact_set.h"
 #include "integrate/interpolate.h"
 #include "methods/methods.h"
-#include "physics/force_function.h"
+#include "methods/nystrom.h"
 
-/* The method for y' = f(y), with y = (x, v), f = (v, a), written for accelerations alone (Nystroem
- * form):
- *   k_i = a(X_i, V_i),  V_i = v + h sum_j A_ij k_j,
- *   X_i = x + C_i h v + h^2 sum_j AA_ij k_j
- * The state after the step is stage RESULT, and its k is the first one of the next step.
+/* The method in Nystroem form (nystrom.h), with three more stages for dense output.
  *
- * Work vectors: the k of both ends, alternating; of the other stages; of the dense output.
- * cached_stage: 1 + the index of the work vector that holds k of the present state. */
+ * Work vectors: also the k of those stages. */
 enum { DENSE_STAGES_AT = 2 };
 
-static void find_slopes(const ms_stepper *s, int at, double *k[STAGES]) {
-  for (int j = 1; j < RESULT; j++) k[j] = s->work[j + 1];
-  for (int j = RESULT + 1; j < STAGES; j++) k[j] = s->work[j];
-  k[0] = s->work[at];
-  k[RESULT] = s->work[1 - at];
-}
-
-/* Where the sums of slopes begin, NULL: at 0, and where they go; to_v NULL: x alone */
-typedef struct slope_sums {
-  const double *x, *v;
-  double time; /* x begins at x + time v */
-  double *to_x, *to_v;
-} slope_sums;
-
-/* x = its beginning + h^2 sum_j row2_j k_j,  v = its beginning + h sum_j row_j k_j. Terms that only
- * one of both has are added to the other one with weight 0. */
-static void add_slopes(const ms_stepper *s, slope_sums of, const double row2[STAGES],
-                       const double row[STAGES], double *const k[STAGES]) {
-  const double *y[STAGES + 1];
-  double x_weight[STAGES + 1], v_weight[STAGES + 1];
-  int n = 0;
-  if (of.time != 0) x_weight[n] = of.time, v_weight[n] = 0, y[n++] = of.v;
-  for (int j = 0; j < STAGES; j++) {
-    if (row2[j] == 0 && !(of.to_v && row[j] != 0)) continue;
-    x_weight[n] = s->h * s->h * row2[j], v_weight[n] = s->h * row[j], y[n++] = k[j];
-  }
-  const ms_combination sums[2] = {{of.x, x_weight, of.to_x}, {of.v, v_weight, of.to_v}};
-  if (of.to_v) ms_vector_two_combinations(s->model->shape, n, y, sums);
-  else ms_vector_linear_combination(s->model->shape, of.x, n, x_weight, y, of.to_x);
-}
-
-/* A step from x, v: its stages are X and V, V NULL where no force depends on velocities; k: their
- * accelerations */
-typedef struct stages {
-  const double *x, *v;
-  double *X, *V, *k[STAGES];
-} stages;
-
-/* X and V of stage i */
-static void put_stage(const ms_stepper *s, const stages *of, int i) {
-  const slope_sums sums = {of->x, of->v, C[i] * s->h, of->X, of->V};
-  add_slopes(s, sums, AA[i], A[i], of->k);
-}
-
-/* k of the stages from..to - 1; of->X and of->V: scratch, with pinned positions in X */
-static void evaluate_stages(ms_stepper *s, const stages *of, int from, int to) {
-  stages with = *of;
-  if (ms_stepper_is_separable(s) && !ms_force_function_does_work(s->model)) with.V = NULL;
-  for (int i = from; i < to; i++) {
-    put_stage(s, &with, i);
-    s->c = C[i];
-    ms_stepper_acceleration(s, with.X, with.V, with.k[i]);
-    if (i < RESULT) ms_stepper_add_work(s, A[RESULT][i], with.X, with.V);
-  }
-}
+static const ms_nystrom table = {RESULT, STAGES, C, A, AA};
 
 static msim_status dop853_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const int now = s->cached_stage == 2;
-  stages of = {.x = s->x, .v = s->v, .X = s->x_next, .V = s->v_next};
-  find_slopes(s, now, of.k);
-  if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, of.k[0]);
-  else ms_stepper_evaluate_function(s, s->x, s->v);
-  ms_stepper_add_work(s, A[RESULT][0], s->x, s->v);
-  evaluate_stages(s, &of, 1, RESULT);
-  put_stage(s, &of, RESULT);
-  s->c = 1;
-  const int64_t reflected = ms_stepper_reflect(s, s->x_next, s->v_next);
-  if (!reflected) ms_stepper_acceleration(s, s->x_next, s->v_next, of.k[RESULT]);
-  s->cached_stage_next = reflected ? 0 : 2 - now;
+  ms_nystrom_step(&table, s);
   return MSIM_OK;
 }
 
-/* The difference of the result, before reflection, from those of order 5 (which = 0) and 3 (1):
- *   dv = h sum_j E_j k_j,  dx = h^2 sum_j EE_j k_j */
+/* from the results of order 5 (which = 0) and 3 (1) */
 static void dop853_estimate(ms_stepper *s, int which, double *dx, double *dv) {
-  double *k[STAGES];
-  find_slopes(s, s->cached_stage == 2, k);
-  add_slopes(s, (slope_sums){.to_x = dx, .to_v = dv}, EE[which], E[which], k);
+  ms_nystrom_estimate(&table, s, EE[which], E[which], dx, dv);
 }
 
 /* Computes the stages of the dense output of the step from x, v. tag: that of the cached stages at
  * its end. dense_output: DENSE_STAGES_AT + the index of the work vector that holds k of its end */
 static void evaluate_dense_stages(ms_stepper *s, int tag, const double *x, const double *v,
                                   double *X, double *V) {
-  stages of = {.x = x, .v = v, .X = X, .V = V};
+  ms_nystrom_stages of = {.x = x, .v = v, .X = X, .V = V};
   s->dense_output = DENSE_STAGES_AT + (tag == 2);
-  find_slopes(s, tag != 2, of.k);
-  evaluate_stages(s, &of, RESULT + 1, STAGES);
+  ms_nystrom_find_slopes(&table, s, tag != 2, of.k);
+  ms_nystrom_evaluate(&table, s, &of, RESULT + 1, STAGES);
 }
 
 /* v: the cubic interpolant + h sum_j d_j k_j,  x: the cubic interpolant + h^2 sum_j dd_j k_j,
@@ -117,15 +44,16 @@ static void interpolate_step(ms_stepper *s, double theta, double *x, double *v) 
   const double w[4] = {t * t * u * u, t * t * t * u * u, t * t * t * u * u * u,
                        t * t * t * t * u * u * u};
   const ms_shape shape = s->model->shape;
-  double *k[STAGES], row[STAGES] = {0}, row2[STAGES] = {0};
-  find_slopes(s, s->dense_output == DENSE_STAGES_AT, k);
+  double *k[STAGES];
+  ms_nystrom_row row = {0}, row2 = {0};
+  ms_nystrom_find_slopes(&table, s, s->dense_output == DENSE_STAGES_AT, k);
   for (int j = 0; j < STAGES; j++)
     for (int n = 0; n < 4; n++) row[j] += w[n] * D[n][j], row2[j] += w[n] * DD[n][j];
   const double *const x_ends[] = {s->x_next, s->x, s->v_next, s->v};
   const double *const v_ends[] = {s->v_next, s->v, k[0], k[RESULT]};
   ms_interpolate_hermite(shape, s->h, theta, x_ends, x);
   ms_interpolate_hermite(shape, s->h, theta, v_ends, v);
-  add_slopes(s, (slope_sums){.x = x, .v = v, .to_x = x, .to_v = v}, row2, row, k);
+  ms_nystrom_add_slopes(s, (ms_nystrom_sums){.x = x, .v = v, .to_x = x, .to_v = v}, row2, row, k);
 }
 
 static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v) {
@@ -151,7 +79,7 @@ static void dop853_dense_entry(ms_stepper *s, size_t at, ms_bernstein *to) {
     ms_stepper_init_stage(s, stage[0], NULL);
     evaluate_dense_stages(s, s->cached_stage_next, s->x, s->v, stage[0], stage[1]);
   }
-  find_slopes(s, s->dense_output == DENSE_STAGES_AT, k);
+  ms_nystrom_find_slopes(&table, s, s->dense_output == DENSE_STAGES_AT, k);
   *to = ms_bernstein_cubic(s->x[at], s->h * s->v[at], s->x_next[at], s->h * s->v_next[at]);
   for (int n = 0; n < 4; n++) {
     double sum = 0;
