@@ -143,7 +143,7 @@ static void methods_keep_their_order(void **state) {
     end_state(scene, "dop853", 2000, exact);
     for (int32_t i = 0; (entry = msim_integrator_info(i)) != NULL; i++) {
       if (entry->order == 0 || !takes_angles(entry->name, damped)) continue;
-      const int steps = entry->order > 4 ? 10 : 200;
+      const int steps = entry->order > 4 ? 15 : 200;
       end_state(scene, entry->name, steps, x), end_state(scene, entry->name, 2 * steps, y);
       const double order = log2(distance(x, exact) / distance(y, exact));
       print_message("  %-24s %.3f\n", entry->name, order);

@@ -1,6 +1,6 @@
-/* Tests of properties of takahashi-imada, force-gradient, ssprk104, rkc and respa besides their
- * order: conserved quantities, cost, stability, error estimate; of the time that forces take. See
- * also test_respa.c */
+/* Tests of properties of takahashi-imada, force-gradient, ssprk104, rk6, rkc and respa besides
+ * their order: conserved quantities, cost, stability, error estimate; of the time that forces take.
+ * See also test_respa.c and test_rk6.c */
 #include <complex.h>
 #include <math.h>
 #include <string.h>
@@ -53,7 +53,8 @@ static void momentum_is_kept(void **state) {
     const char *method;
     double h, ratio;
   } runs[] = {{"takahashi-imada", 5e-4, 0}, {"force-gradient", 5e-4, 0}, {"ssprk104", 1e-4, 1e-3},
-              {"rkc", 1e-3, 1e-3},          {"respa", 2.2e-3, 0},        {"respa", 2.2e-3, 1e-5}};
+              {"rk6", 1e-4, 1e-3},          {"rkc", 1e-3, 1e-3},         {"respa", 2.2e-3, 0},
+              {"respa", 2.2e-3, 1e-5}};
   for (size_t i = 0; i < sizeof runs / sizeof *runs; i++) {
     msim_scene *scene = thrown(1e5, runs[i].ratio);
     msim_options opt = options(runs[i].method, runs[i].h);
@@ -221,17 +222,18 @@ static void planes_are_refused(void **state) {
   msim_scene_destroy(scene);
 }
 
-/*------------------------------------- ssprk104 -------------------------------------------------*/
+/*------------------------------------- ssprk104 and rk6 -----------------------------------------*/
 
 /* The estimated errors of x and v after one step of h */
-static void estimate_step(double h, double error[2]) {
+static void estimate_step(const char *method, double h, double error[2]) {
   msim_scene *scene = thrown(200, 1e-3);
-  const msim_options opt = options("ssprk104", h);
+  const msim_options opt = options(method, h);
   msim_sim *sim = make_sim(scene, &opt);
   assert_ok(msim_sim_step(sim, 1, err));
   ms_stepper *s = &sim->islands->stepper;
   double *d[2] = {ms_unknowns_new_vector(scene->data, &s->model->unknowns),
                   ms_unknowns_new_vector(scene->data, &s->model->unknowns)};
+  s->cached_stage = 0; /* as at the start of the step */
   sim->config.integrator->estimate(s, 0, d[0], d[1]);
   for (int i = 0; i < 2; i++) {
     error[i] = sqrt(ms_vector_dot(s->model->shape, d[i], d[i]));
@@ -241,15 +243,22 @@ static void estimate_step(double h, double error[2]) {
   msim_scene_destroy(scene);
 }
 
-/* The difference of the orders 4 and 3 is proportional to h^4. */
-static void the_estimate_of_ssprk104_has_order_3(void **state) {
+/* The difference of the orders 4 and 3 is proportional to h^4, that of 6 and 5 to h^6. */
+static void estimates_are_one_order_lower(void **state) {
   (void)state;
-  double whole[2], half[2];
-  estimate_step(4e-4, whole);
-  estimate_step(2e-4, half);
-  for (int i = 0; i < 2; i++) {
-    print_message("  %c: half the step, 2^%.3g of the error\n", "xv"[i], log2(half[i] / whole[i]));
-    assert_close(log2(whole[i] / half[i]), 4, 0.15);
+  const struct {
+    const char *method;
+    double h, order;
+  } cases[] = {{"ssprk104", 4e-4, 4}, {"rk6", 8e-4, 6}};
+  for (int m = 0; m < 2; m++) {
+    double whole[2], half[2];
+    estimate_step(cases[m].method, cases[m].h, whole);
+    estimate_step(cases[m].method, cases[m].h / 2, half);
+    for (int i = 0; i < 2; i++) {
+      print_message("  %s, %c: half the step, 2^%.3g of the error\n", cases[m].method, "xv"[i],
+                    log2(half[i] / whole[i]));
+      assert_close(log2(whole[i] / half[i]), cases[m].order, 0.15);
+    }
   }
 }
 
@@ -398,7 +407,7 @@ int main(void) {
       cmocka_unit_test(energy_is_right_at_long_steps),
       cmocka_unit_test(new_parameters_move_nothing),
       cmocka_unit_test(planes_are_refused),
-      cmocka_unit_test(the_estimate_of_ssprk104_has_order_3),
+      cmocka_unit_test(estimates_are_one_order_lower),
       cmocka_unit_test(stages_hold_the_whole_strip),
       cmocka_unit_test(a_step_has_that_amplification),
       cmocka_unit_test(strong_damping_takes_few_evaluations),

@@ -68,14 +68,17 @@ static double off(const double *a, const double *b) {
 static void check(const char *method, int start, double damping, double drag, double order) {
   msim_scene *scene = chain(damping, drag);
   double x[3][3 * N], v[3][3 * N];
-  const int steps = order > 4 ? 15 : 200; /* their errors are still far above rounding */
+  /* their errors are still far above rounding; those of rk6 contain much of order 7 */
+  const int is_rk6 = strcmp(method, "rk6") == 0;
+  const int steps = is_rk6 ? 25 : order > 4 ? 15 : 200;
   run(scene, "rk4", 0, 20000, x[0], v[0]);
   run(scene, method, start, steps, x[1], v[1]);
   run(scene, method, start, 2 * steps, x[2], v[2]);
   double in_x = log2(off(x[1], x[0]) / off(x[2], x[0]));
   double in_v = log2(off(v[1], v[0]) / off(v[2], v[0]));
   print_message("  %-24s x: %.3f  v: %.3f\n", method, in_x, in_v);
-  const double margin = order > 6 ? 0.25 : 0.15; /* rounding prevents shorter steps */
+  /* rounding prevents shorter steps */
+  const double margin = is_rk6 ? 0.3 : order > 6 ? 0.25 : 0.15;
   assert_close(in_x, order, margin);
   assert_close(in_v, order, margin);
   msim_scene_destroy(scene);
@@ -111,6 +114,7 @@ static void damping_costs_two_methods_an_order(void **state) {
   check("heun", 0, 0.5, 0.3, 2);
   check("rk4", 0, 0.5, 0.3, 4);
   check("ssprk104", 0, 0.5, 0.3, 4);
+  check("rk6", 0, 0.5, 0.3, 6);
   check("dop853", 0, 0.5, 0.3, 8);
   check("linearly-implicit-euler", 0, 0.5, 0.3, 1);
 }

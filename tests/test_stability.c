@@ -202,7 +202,8 @@ static void limits_are_the_known_ones(void **state) {
                {"velocity-verlet", 1, 1},
                {"velocity-verlet", 2, 0.5},
                {"rk4", 0, 2.82843},
-               {"ssprk104", 0, 4.92145}};
+               {"ssprk104", 0, 4.92145},
+               {"rk6", 0, 2.48}};
   for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
     const double g = 2 * known[i].zeta * 50;
     assert_close(50 * limit_of(known[i].method, mode(50, g)), known[i].z, 6e-6);
@@ -281,6 +282,8 @@ static void limits_are_where_motion_blows_up(void **state) {
                {"ssprk104", 0, 0, 1.05, 1000},
                {"ssprk104", 0.5, 0, 1.05, 1000},
                {"ssprk104", 0, 4, 1.05, 1000},
+               {"rk6", 0, 0, 1.25, 3000},
+               {"rk6", 0, 8, 1.05, 1000},
                {"explicit-euler", 0, 0.5, 1.05, 4000},
                {"explicit-euler", 0, 4, 1.05, 1000},
                {"heun", 0, 0.1, 1.05, 4000},

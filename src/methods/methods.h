@@ -14,6 +14,7 @@
   X(ms_respa)                   \
   X(ms_rk4)                     \
   X(ms_ssprk104)                \
+  X(ms_rk6)                     \
   X(ms_rkc)                     \
   X(ms_takahashi_imada)         \
   X(ms_force_gradient)          \

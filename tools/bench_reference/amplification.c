@@ -11,8 +11,18 @@ static void apply_oscillator(double zeta, double shift, double z, const double y
   to[1] = shift * v - z * (x + 2 * zeta * v);
 }
 
-/* R(z) = 1 + z + ... + z^8/8! + r_9 z^9 + ... + r_12 z^12, where r_k = b A^(k-1) 1 of the tableau
- * in Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 */
+/* y = sum_k r_k L^k y, k = 0 ... n, L = z (0, 1; -1, -2 zeta) */
+static void apply_polynomial(double zeta, double z, int n, const double r[], double y[2]) {
+  const double start[2] = {y[0], y[1]};
+  for (int c = 0; c < 2; c++) y[c] *= r[n];
+  for (int k = n - 1; k >= 0; k--) {
+    apply_oscillator(zeta, 0, z, y, y);
+    for (int c = 0; c < 2; c++) y[c] += r[k] * start[c];
+  }
+}
+
+/* r_k = b A^(k-1) 1 of the tableau in Hairer, Norsett and Wanner, Solving Ordinary Differential
+ * Equations I, II.5, for k = 9 ... 12; 1/k! below */
 void amplify_dop853(double zeta, double z, double y[2]) {
   static const double r[13] = {1,
                                1,
@@ -27,12 +37,24 @@ void amplify_dop853(double zeta, double z, double y[2]) {
                                2.34134510820978e-07,
                                1.4947364854591547e-08,
                                3.613324578128244e-10};
-  const double start[2] = {y[0], y[1]};
-  for (int c = 0; c < 2; c++) y[c] *= r[12];
-  for (int k = 11; k >= 0; k--) {
-    apply_oscillator(zeta, 0, z, y, y);
-    for (int c = 0; c < 2; c++) y[c] += r[k] * start[c];
-  }
+  apply_polynomial(zeta, z, 12, r, y);
+}
+
+/* r_7 ... r_11: found by linear programming (src/methods/rk6_table.h); 1/k! below */
+void amplify_rk6(double zeta, double z, double y[2]) {
+  static const double r[12] = {1,
+                               1,
+                               1. / 2,
+                               1. / 6,
+                               1. / 24,
+                               1. / 120,
+                               1. / 720,
+                               0.000197172944079033037,
+                               0.0000227630629217447379,
+                               1.89490634584398076e-6,
+                               9.58383779100959055e-8,
+                               2.14187646383576264e-9};
+  apply_polynomial(zeta, z, 11, r, y);
 }
 
 /* R(z) = (1 + 18 w^5 + 6 w^10)/25, w = 1 + z/6 (Ketcheson 2008) */

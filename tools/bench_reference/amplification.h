@@ -9,7 +9,7 @@
 /* Advances y = (x, v/w) in place. */
 typedef void amplification_step(double zeta, double z, double y[2]);
 
-amplification_step amplify_ssprk104, amplify_rkc, amplify_dop853;
+amplification_step amplify_ssprk104, amplify_rk6, amplify_rkc, amplify_dop853;
 /* undamped: zeta is ignored */
 amplification_step amplify_takahashi_imada, amplify_force_gradient, amplify_rkn6, amplify_respa;
 

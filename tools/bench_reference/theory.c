@@ -39,6 +39,7 @@ static const theory table[] = {
     {"respa", .step = amplify_respa, .undamped = 1, .soft = SOFT_STIFFNESS},
     {"rk4", {2.8284271, 2.9508500, 2.7852936}, .rate = rk4},
     {"ssprk104", .step = amplify_ssprk104},
+    {"rk6", .step = amplify_rk6},
     {"rkc", .step = amplify_rkc},
     {"takahashi-imada", .step = amplify_takahashi_imada, .undamped = 1},
     {"force-gradient", .step = amplify_force_gradient, .undamped = 1},
