@@ -26,8 +26,9 @@ static double work_of_run(const msim_scene *scene, const char *method, double to
 }
 
 /* Errors of steps grow after the pilot run, where ropes and cloths start at rest, and steps become
- * shorter; where the limit of stability decides, they do not. Evaluations of dop853 count
- * 13/12-fold. */
+ * shorter; where the limit of stability decides, they do not. Evaluations of dop853
+ * and rk6 count 13/12-fold. The first steps of rk6 are cut to a fifth; the trial ends before they
+ * are as long as the others, which is made good in part. */
 static void the_cost_of_error_control_is_foreseen(void **state) {
   (void)state;
   static const struct {
@@ -35,7 +36,7 @@ static void the_cost_of_error_control_is_foreseen(void **state) {
     const char *method;
     double tol;
   } row[] = {{damped_rope, "ssprk104", 1e-2}, {damped_rope, "ssprk104", 1e-4},
-             {damped_rope, "dop853", 1e-5},   {damped_rope, "dop853", 1e-7},
+             {damped_rope, "rk6", 1e-5},      {damped_rope, "rk6", 1e-7},
              {rope, "dop853", 1e-5},          {rope, "dop853", 1e-7},
              {damped_solid, "ssprk104", 0.1}};
   const double t_end = 0.5;
@@ -45,11 +46,12 @@ static void the_cost_of_error_control_is_foreseen(void **state) {
     opt.precision = MSIM_PRECISION_DOUBLE;
     msim_sim *sim = make_sim(scene, &opt);
     const ms_candidate *c = find_controlled(sim, row[i].method);
-    const double sums = strcmp(row[i].method, "dop853") == 0 ? 13. / 12 : 1;
+    const double sums = strcmp(row[i].method, "ssprk104") == 0 ? 1 : 13. / 12;
     const double work = sums * work_of_run(scene, row[i].method, row[i].tol, t_end);
     const double ratio = c->cost_rate * t_end / work;
     print_message("  %s, tol %.0e: foreseen/spent %.3g\n", row[i].method, row[i].tol, ratio);
-    assert_true(c->tried && ratio > 0.8 && ratio < 1.25);
+    const double most = strcmp(row[i].method, "rk6") == 0 ? 1.5 : 1.25;
+    assert_true(c->tried && ratio > 0.8 && ratio < most);
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }

@@ -10,6 +10,10 @@
  * by 2 to 6 %. */
 enum { STEPS = 6 };
 
+double ms_control_trial_stable_step(const ms_pilot_run *p, const ms_integrator *method) {
+  return ms_pilot_run_stable_step(p, method == &ms_rk6 ? &ms_ssprk104 : method);
+}
+
 /* 1: a step of h with the relaxed tolerance adds at most tol/4 to the error. */
 static int adds_little(const ms_pilot_run *p, double h) {
   const double MOST = 0.25;
@@ -19,7 +23,7 @@ static int adds_little(const ms_pilot_run *p, double h) {
 int ms_control_trial_may_relax(const ms_pilot_run *p, const ms_integrator *method) {
   const double MOST = 0.1;
   return ms_pilot_run_is_limited_by_damping(p) && !p->planes_count && MS_RELAXED <= MOST / p->tol &&
-         adds_little(p, ms_pilot_run_stable_step(p, method));
+         adds_little(p, ms_control_trial_stable_step(p, method));
 }
 
 int ms_control_trial_relaxes_first(const ms_pilot_run *p) {
@@ -76,6 +80,14 @@ static double later_shortening(const ms_pilot_run *p, const ms_candidate *c, dou
   return pow(p->step_growth, 1 / ms_control_make(c->method, c->control_tol, p->span).order);
 }
 
+/* The first step of rk6 is mostly so long that the controller cuts it to a fifth; then steps
+ * lengthen slowly, and in the trial are too short. The error of the last one shows by how much, if
+ * accuracy limits it; at the limit of stability it may be small for some steps, too. So c->h is set
+ * to the geometric mean of both lengths. */
+static void expect_longer_steps(const msim_sim *trial, ms_candidate *c) {
+  c->h *= sqrt(fmax(1, ms_control_expected_change(&trial->run.control)));
+}
+
 /* After the trial with a relaxed tolerance */
 static msim_status check_relaxed(ms_pilot_run *p, msim_sim *trial, ms_candidate *c,
                                  msim_error *err) {
@@ -90,9 +102,9 @@ static msim_status check_relaxed(ms_pilot_run *p, msim_sim *trial, ms_candidate 
   return status;
 }
 
-/* Evaluations of dop853 count more, as it forms so many sums (method_choice.c). */
+/* Evaluations of dop853 and rk6 count more, as they form so many sums (method_choice.c). */
 msim_status ms_control_trial_make(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
-  const double SUMS = c->method == &ms_dop853 ? 13. / 12 : 1;
+  const double SUMS = c->method == &ms_ssprk104 ? 1 : 13. / 12;
   const double t = longest_time(p), longest = c->h;
   const double steps = p->planes_count ? INFINITY : STEPS;
   const ms_trial of = {
@@ -102,6 +114,7 @@ msim_status ms_control_trial_make(ms_pilot_run *p, double least, ms_candidate *c
   if (status) return status;
   status = ms_control_trial_run(p, trial, t, least * t / SUMS, steps, c, err);
   const int arrived = trial->run.t >= t || (double)trial->run.step >= steps;
+  if (c->method == &ms_rk6) expect_longer_steps(trial, c);
   c->step_cost *= SUMS;
   c->cost_rate = c->step_cost / c->h * later_shortening(p, c, longest);
   c->tried = arrived;

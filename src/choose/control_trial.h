@@ -18,6 +18,11 @@
  * times as long. */
 #define MS_LOOSE 2.5
 
+/* The limit of stability that steps under error control may exceed MS_LOOSE times. For rk6 it is
+ * that of ssprk104, which is about as stable where damping is strong: fixed steps of rk6 have to be
+ * short, as some mode may be damped little. */
+double ms_control_trial_stable_step(const ms_pilot_run *p, const ms_integrator *method);
+
 /* The relaxed tolerance, over tol. It is a candidate where damping limits the steps and no plane
  * counts, if it is 0.1 at most, and if a step, of the trial, too, adds at most tol/4, as the errors
  * of motion that becomes rougher do not decay. Verified steps have the same limits

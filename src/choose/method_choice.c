@@ -36,40 +36,58 @@ enum {
   IMPLICIT
 };
 
-/* The candidates: methods and their evaluations per step, [0] if no force depends on velocities,
- * else [1]; 0: measured. first: evaluations at the first state, if there are many. control_tol: the
- * tolerance of error control over tol; 0: fixed steps. The leapfrog stands for all explicit methods
- * of order 2. Its forces depend on the velocities of half a step before: the errors of that are of
- * order 1, yet small where damping is weak, and velocity Verlet needs twice as many evaluations.
- * Evaluations of dop853 count 13/12-fold, as it forms so many sums; those of rkc follow from h.
- * ssprk104 is for steps that damping limits, of which error control makes longer ones than bounds
+/* What a scene is to methods: no force depends on velocities; some do; and that limits steps, of
+ * many particles and without planes */
+enum { UNDAMPED, DAMPED, LIMITED_BY_DAMPING, KINDS };
+
+/* The candidates: methods and their evaluations per step in scenes of each kind; 0: measured.
+ * first: evaluations at the first state, if there are many. control_tol: the tolerance of error
+ * control over tol; 0: fixed steps. The leapfrog stands for all explicit methods of order 2. Its
+ * forces depend on the velocities of half a step before: the errors of that are of order 1, yet
+ * small where damping is weak, and velocity Verlet needs twice as many evaluations. Evaluations of
+ * dop853 and rk6 count 13/12-fold, as they form so many sums; those of rkc follow from h. ssprk104
+ * and rk6 are for steps that damping limits, of which error control makes longer ones than bounds
  * on damping allow. tr-bdf2 damps what long steps cannot resolve; implicit methods that do not damp
  * it have to resolve it, and take no longer steps than explicit ones. */
 static const struct {
-  const ms_integrator *method[2];
-  double evaluations[2];
+  const ms_integrator *method[KINDS];
+  double evaluations[KINDS];
   double first;
   double control_tol;
 } candidate_list[MS_CANDIDATES] = {
-    [LEAPFROG_METHOD] = {{&ms_verlet, &ms_verlet}, {1, 1}},
-    [WITH_VELOCITIES] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
-    [LOCATED_IMPACTS] = {{&ms_velocity_verlet, &ms_velocity_verlet}, {1, 2}},
-    [TAKAHASHI_IMADA] = {{&ms_takahashi_imada, &ms_takahashi_imada}, {2, 2}, 51},
-    [FOURTH] = {{&ms_force_gradient, &ms_rk4}, {5, 4}},
-    [STABILISED] = {{&ms_rkc, &ms_rkc}, {2, 2}},
-    [SIXTH] = {{&ms_rkn6, &ms_rkn6}, {11, 11}},
-    [EIGHTH] = {{&ms_dop853, &ms_dop853}, {13, 13}},
-    [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853}, {13, 13}, .control_tol = 1},
-    [DAMPING_CONTROLLED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}, .control_tol = 1},
-    [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853}, {13, 13}, .control_tol = MS_RELAXED},
-    [DAMPING_RELAXED] = {{&ms_ssprk104, &ms_ssprk104}, {10, 10}, .control_tol = MS_RELAXED},
-    [MULTIRATE] = {{&ms_respa, &ms_respa}, {0}},
-    [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2}, {0}, .control_tol = 1}};
+    [LEAPFROG_METHOD] = {{&ms_verlet, &ms_verlet, &ms_verlet}, {1, 1, 1}},
+    [WITH_VELOCITIES] = {{&ms_velocity_verlet, &ms_velocity_verlet, &ms_velocity_verlet},
+                         {1, 2, 2}},
+    [LOCATED_IMPACTS] = {{&ms_velocity_verlet, &ms_velocity_verlet, &ms_velocity_verlet},
+                         {1, 2, 2}},
+    [TAKAHASHI_IMADA] = {{&ms_takahashi_imada, &ms_takahashi_imada, &ms_takahashi_imada},
+                         {2, 2, 2},
+                         51},
+    [FOURTH] = {{&ms_force_gradient, &ms_rk4, &ms_rk4}, {5, 4, 4}},
+    [STABILISED] = {{&ms_rkc, &ms_rkc, &ms_rkc}, {2, 2, 2}},
+    [SIXTH] = {{&ms_rkn6, &ms_rkn6, &ms_rkn6}, {11, 11, 11}},
+    [EIGHTH] = {{&ms_dop853, &ms_dop853, &ms_dop853}, {13, 13, 13}},
+    [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = 1},
+    [DAMPING_CONTROLLED] = {{&ms_ssprk104, &ms_ssprk104, &ms_ssprk104},
+                            {10, 10, 10},
+                            .control_tol = 1},
+    [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = MS_RELAXED},
+    [DAMPING_RELAXED] = {{&ms_ssprk104, &ms_ssprk104, &ms_ssprk104},
+                         {10, 10, 10},
+                         .control_tol = MS_RELAXED},
+    [MULTIRATE] = {{&ms_respa, &ms_respa, &ms_respa}, {0}},
+    [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2, &ms_tr_bdf2}, {0}, .control_tol = 1}};
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
+static int kind_of_scene(const ms_pilot_run *p) {
+  if (!p->damped) return UNDAMPED;
+  const int limited = ms_pilot_run_is_limited_by_damping(p) && !p->planes_count && !p->few;
+  return limited ? LIMITED_BY_DAMPING : DAMPED;
+}
+
 static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
-  return candidate_list[i].method[p->damped];
+  return candidate_list[i].method[kind_of_scene(p)];
 }
 
 /* 1: velocity Verlet takes the place of verlet, which carries v(t - h/2), so that no step can be
@@ -152,7 +170,8 @@ static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c)
 static void set_longest_step(const ms_pilot_run *p, int i, ms_candidate *c) {
   const double LOOSE = is_limit_loose(p) ? MS_LOOSE : 1;
   const int located = c->collision == MSIM_COLLISION_EVENT;
-  if (is_controlled(i)) c->h = fmin(LOOSE * ms_pilot_run_stable_step(p, c->method), p->span / 10);
+  if (is_controlled(i))
+    c->h = fmin(LOOSE * ms_control_trial_stable_step(p, c->method), p->span / 10);
   else c->h = located ? longest_to_locate(p, c->method) : longest_trial_step(p, c->method);
   set_cost(p, i, c);
 }
@@ -163,7 +182,7 @@ static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
   *c = (ms_candidate){.method = candidate_method(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
                       .control_tol = candidate_list[i].control_tol * p->tol,
-                      .step_cost = candidate_list[i].evaluations[p->damped],
+                      .step_cost = candidate_list[i].evaluations[kind_of_scene(p)],
                       .cost_rate = INFINITY,
                       .rejection = find_rejection(p, i)};
   if (ms_precision_choice_allows(p, c)) c->precision = MSIM_PRECISION_SINGLE;
@@ -289,7 +308,8 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
     c[i].rejection = MS_REASON_NONE;
     status = is_controlled(i) ? ms_control_trial_make(p, least, &c[i], err)
                               : try_candidate_step(p, i, least, &c[i], &most[i], err);
-    if (i == ERROR_CONTROLLED) expect_fixed_steps(p, c[i].h, &c[EIGHTH]);
+    if (i == ERROR_CONTROLLED && c[i].method == c[EIGHTH].method)
+      expect_fixed_steps(p, c[i].h, &c[EIGHTH]);
     if (is_relaxed(i) && c[i].rejection == MS_REASON_ERROR_TOO_LARGE) admit_with_tol(p, i, c);
     c[i].tried |= ++tries[i] == PATIENCE;
     if (c[i].tried && c[i].rejection) c[i].cost_rate = INFINITY;
@@ -418,9 +438,12 @@ msim_status ms_method_choice_make(msim_sim *sim, int late, const msim_state *sta
 }
 
 static void archive_candidate(ms_archive *b, int i, ms_candidate *c) {
-  int32_t which = c->method == candidate_list[i].method[1];
-  MS_ARCHIVE_TRANSFER(b, which);
-  c->method = candidate_list[i].method[which != 0];
+  int32_t kind = KINDS - 1;
+  while (kind > 0 && c->method != candidate_list[i].method[kind]) kind--;
+  MS_ARCHIVE_TRANSFER(b, kind);
+  const int known = kind >= 0 && kind < KINDS;
+  ms_archive_check(b, known, "the choice of a method");
+  c->method = candidate_list[i].method[known ? kind : 0];
   double *numbers[] = {&c->step_cost, &c->cost_rate, &c->h, &c->error, &c->control_tol};
   int *flags[] = {&c->tried, &c->rejection};
   for (int k = 0; k < 5; k++) MS_ARCHIVE_TRANSFER(b, *numbers[k]);

@@ -113,6 +113,10 @@ static double factor_of_one_step(const ms_control *c, double r) {
   return c->safety * pow(r, -1 / c->order);
 }
 
+double ms_control_expected_change(const ms_control *c) {
+  return c->previous > 0 ? factor_of_one_step(c, c->previous) : 1;
+}
+
 /* h'/h, with r the relative errors of this step and of the one before, and s the safety factor, so
  * that r tends to s^k:
  *   h' = h s^(a - b) r^(-a/k) r_before^(b/k),

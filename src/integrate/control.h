@@ -62,6 +62,10 @@ double ms_control_next_step(const ms_control *c, double left);
  * Wanner, Solving ODEs II, IV.2). */
 int ms_control_update(ms_control *c, double h, double r);
 
+/* The step that the error r of the last one alone would ask for, over the last one: s r^(-1/k), s
+ * the safety factor; 1 if r is unknown */
+double ms_control_expected_change(const ms_control *c);
+
 /* The step of h failed: sets the next one to try. */
 void ms_control_reject_failed(ms_control *c, double h);
 
