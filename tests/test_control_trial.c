@@ -63,6 +63,18 @@ static void where_a_larger_tolerance_is_a_candidate(void **state) {
   }
 }
 
+/* Where particles are so few that one event determines the error, dop853 remains. */
+static void few_particles_keep_dop853(void **state) {
+  (void)state;
+  msim_scene *scene = swinging_rope(8, 1e4, 40);
+  const msim_options opt = options_of("auto", 1e-5, 1);
+  msim_sim *sim = make_sim(scene, &opt);
+  const ms_candidate *relaxed;
+  assert_int_equal(find_controlled(sim, &ms_dop853, &relaxed)->rejection, MS_REASON_NONE);
+  assert_string_equal(sim->config.integrator->entry.name, "dop853");
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
+}
+
 /* Error control with tol costs 1.5 to 3 times as much, and its error is far smaller. */
 static void it_keeps_tol_and_saves_evaluations(void **state) {
   (void)state;
@@ -106,6 +118,8 @@ static void steps_that_turn_out_too_long_are_rejected(void **state) {
   assert_ok(ms_pilot_run_make(&run, err));
   assert_true(ms_control_trial_may_relax(&run, &ms_ssprk104));
   assert_false(ms_control_trial_relaxes_first(&run));
+  assert_close(ms_control_trial_stable_step(&run, &ms_rk6),
+               ms_pilot_run_stable_step(&run, &ms_ssprk104), 0);
   ms_candidate c = {.method = &ms_ssprk104,
                     .control_tol = MS_RELAXED * opt.tol,
                     .h = MS_LOOSE * ms_pilot_run_stable_step(&run, &ms_ssprk104)};
@@ -166,6 +180,25 @@ static void its_checkpoints_continue_it(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* In scenes of each kind the candidates of a resumed run are those of the run. */
+static void checkpoints_name_all_candidates(void **state) {
+  (void)state;
+  const double damping[3] = {0, 0.01, 1};
+  for (int k = 0; k < 3; k++) {
+    msim_scene *scene = hanging_cloth(12, 1000, damping[k]);
+    const msim_options opt = options_of("auto", 1e-3, 1);
+    msim_sim *sim = make_sim(scene, &opt);
+    const checkpoint c = save(sim);
+    msim_sim *resumed = resume(scene, &opt, &c);
+    for (int i = 0; i < MS_CANDIDATES; i++)
+      assert_ptr_equal(resumed->config.choice.candidates[i].method,
+                       sim->config.choice.candidates[i].method);
+    free(c.bytes);
+    msim_sim_destroy(sim), msim_sim_destroy(resumed);
+    msim_scene_destroy(scene);
+  }
+}
+
 /* Impacts have errors that damping does not remove: once a plane is close, error control goes on
  * with tol, also in a run resumed after that. */
 static void planes_end_it(void **state) {
@@ -195,10 +228,10 @@ static void planes_end_it(void **state) {
 static void methods_do_not_see_what_others_leave(void **state) {
   (void)state;
   const double h = 1e-3;
-  static const ms_integrator *const pairs[][2] = {{&ms_force_gradient, &ms_rkc},
-                                                  {&ms_rkc, &ms_ssprk104}};
+  static const ms_integrator *const pairs[][2] = {
+      {&ms_force_gradient, &ms_rkc}, {&ms_rkc, &ms_ssprk104}, {&ms_ssprk104, &ms_rk6}};
   msim_scene *scene = damped_sheet();
-  for (int k = 0; k < 2; k++) {
+  for (int k = 0; k < 3; k++) {
     msim_options opt = options("dop853", h), own = options(pairs[k][1]->entry.name, h);
     opt.steps = own.steps = 4;
     msim_sim *sim = make_sim(scene, &opt), *other = make_sim(scene, &own);
@@ -213,10 +246,12 @@ static void methods_do_not_see_what_others_leave(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(where_a_larger_tolerance_is_a_candidate),
+                                     cmocka_unit_test(few_particles_keep_dop853),
                                      cmocka_unit_test(it_keeps_tol_and_saves_evaluations),
                                      cmocka_unit_test(an_error_that_is_too_large_is_seen),
                                      cmocka_unit_test(steps_that_turn_out_too_long_are_rejected),
                                      cmocka_unit_test(its_checkpoints_continue_it),
+                                     cmocka_unit_test(checkpoints_name_all_candidates),
                                      cmocka_unit_test(planes_end_it),
                                      cmocka_unit_test(methods_do_not_see_what_others_leave)};
   return cmocka_run_group_tests(tests, NULL, NULL);

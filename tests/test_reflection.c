@@ -47,6 +47,35 @@ static void ball_bounces_back(void **state) {
   }
 }
 
+/* The step after a reflection is that from the reflected state: a stage at the end of the step
+ * before, of the state before reflection, is not used. */
+static void no_stage_outlives_a_reflection(void **state) {
+  (void)state;
+  const double x[6] = {0, 0, 0.05, 0, 0, 0.15}, v[6] = {0, 0, -1, 0, 0, -1}, mass[2] = {1, 1};
+  const double k = 300, rest = 0.1, damping = 0.1;
+  const int32_t ij[2] = {0, 1};
+  const char *const methods[] = {"velocity-verlet", "rk4", "ssprk104", "rk6", "dop853"};
+  for (int m = 0; m < 5; m++) {
+    msim_scene *scene;
+    assert_ok(msim_scene_create(NULL, &scene, err));
+    assert_ok(msim_scene_add_particles(scene, 2, x, v, mass, err));
+    assert_ok(msim_scene_add_springs(scene, 1, ij, &k, &rest, &damping, err));
+    plane(scene, 0, 0, 1, 0, 0.5, 0);
+    msim_options opt = options(methods[m], 0.01);
+    opt.steps = 100;
+    msim_sim *sim = make_sim(scene, &opt), *fresh = make_sim(scene, &opt);
+    while (stats_of(sim).contacts == 0) assert_ok(msim_sim_step(sim, 1, err));
+    const msim_state bounced = state_of(sim);
+    assert_ok(msim_sim_set_state(fresh, &bounced, err));
+    assert_ok(msim_sim_step(sim, 1, err));
+    assert_ok(msim_sim_step(fresh, 1, err));
+    assert_memory_equal(state_of(sim).x, state_of(fresh).x, sizeof x);
+    assert_memory_equal(state_of(sim).v, state_of(fresh).v, sizeof v);
+    msim_sim_destroy(sim), msim_sim_destroy(fresh);
+    msim_scene_destroy(scene);
+  }
+}
+
 /* heun.collision = literal reflects only the stage x* = x + h v, v* = v + h a, as Teschner's
  * exercises print it, and not the result: with e = 1 the particle slides into the plane for ever,
  * with e < 1 it sinks through. The other two variants bounce. */
@@ -364,6 +393,7 @@ static void projection_is_the_nearest(void **state) {
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(one_reflection_in_closed_form),
                                      cmocka_unit_test(ball_bounces_back),
+                                     cmocka_unit_test(no_stage_outlives_a_reflection),
                                      cmocka_unit_test(literal_heun_never_bounces),
                                      cmocka_unit_test(friction_stops_a_slider),
                                      cmocka_unit_test(incline_sticks_or_slides),
