@@ -39,6 +39,8 @@ enum {
 /* What a scene is to methods: no force depends on velocities; some do; and that limits steps, of
  * many particles and without planes */
 enum { UNDAMPED, DAMPED, LIMITED_BY_DAMPING, KINDS };
+#define ALWAYS(method) \
+  { &(method), &(method), &(method) }
 
 /* The candidates: methods and their evaluations per step in scenes of each kind; 0: measured.
  * first: evaluations at the first state, if there are many. control_tol: the tolerance of error
@@ -55,28 +57,20 @@ static const struct {
   double first;
   double control_tol;
 } candidate_list[MS_CANDIDATES] = {
-    [LEAPFROG_METHOD] = {{&ms_verlet, &ms_verlet, &ms_verlet}, {1, 1, 1}},
-    [WITH_VELOCITIES] = {{&ms_velocity_verlet, &ms_velocity_verlet, &ms_velocity_verlet},
-                         {1, 2, 2}},
-    [LOCATED_IMPACTS] = {{&ms_velocity_verlet, &ms_velocity_verlet, &ms_velocity_verlet},
-                         {1, 2, 2}},
-    [TAKAHASHI_IMADA] = {{&ms_takahashi_imada, &ms_takahashi_imada, &ms_takahashi_imada},
-                         {2, 2, 2},
-                         51},
+    [LEAPFROG_METHOD] = {ALWAYS(ms_verlet), {1, 1, 1}},
+    [WITH_VELOCITIES] = {ALWAYS(ms_velocity_verlet), {1, 2, 2}},
+    [LOCATED_IMPACTS] = {ALWAYS(ms_velocity_verlet), {1, 2, 2}},
+    [TAKAHASHI_IMADA] = {ALWAYS(ms_takahashi_imada), {2, 2, 2}, 51},
     [FOURTH] = {{&ms_force_gradient, &ms_rk4, &ms_rk4}, {5, 4, 4}},
-    [STABILISED] = {{&ms_rkc, &ms_rkc, &ms_rkc}, {2, 2, 2}},
-    [SIXTH] = {{&ms_rkn6, &ms_rkn6, &ms_rkn6}, {11, 11, 11}},
-    [EIGHTH] = {{&ms_dop853, &ms_dop853, &ms_dop853}, {13, 13, 13}},
+    [STABILISED] = {ALWAYS(ms_rkc), {2, 2, 2}},
+    [SIXTH] = {ALWAYS(ms_rkn6), {11, 11, 11}},
+    [EIGHTH] = {ALWAYS(ms_dop853), {13, 13, 13}},
     [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = 1},
-    [DAMPING_CONTROLLED] = {{&ms_ssprk104, &ms_ssprk104, &ms_ssprk104},
-                            {10, 10, 10},
-                            .control_tol = 1},
+    [DAMPING_CONTROLLED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control_tol = 1},
     [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = MS_RELAXED},
-    [DAMPING_RELAXED] = {{&ms_ssprk104, &ms_ssprk104, &ms_ssprk104},
-                         {10, 10, 10},
-                         .control_tol = MS_RELAXED},
-    [MULTIRATE] = {{&ms_respa, &ms_respa, &ms_respa}, {0}},
-    [IMPLICIT] = {{&ms_tr_bdf2, &ms_tr_bdf2, &ms_tr_bdf2}, {0}, .control_tol = 1}};
+    [DAMPING_RELAXED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control_tol = MS_RELAXED},
+    [MULTIRATE] = {ALWAYS(ms_respa), {0}},
+    [IMPLICIT] = {ALWAYS(ms_tr_bdf2), {0}, .control_tol = 1}};
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
