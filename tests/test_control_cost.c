@@ -26,9 +26,9 @@ static double work_of_run(const msim_scene *scene, const char *method, double to
 }
 
 /* Errors of steps grow after the pilot run, where ropes and cloths start at rest, and steps become
- * shorter; where the limit of stability decides, they do not. Evaluations of dop853
- * and rk6 count 13/12-fold. The first steps of rk6 are cut to a fifth; the trial ends before they
- * are as long as the others, which is made good in part. */
+ * shorter; where the limit of stability decides, they do not. Evaluations of dop853 and rk6 count
+ * 13/12-fold. The first step of rk6 is cut to a fifth; the trial ends before steps are as long as
+ * the others, which is made good in part. */
 static void the_cost_of_error_control_is_foreseen(void **state) {
   (void)state;
   static const struct {

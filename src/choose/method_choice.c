@@ -36,8 +36,8 @@ enum {
   IMPLICIT
 };
 
-/* What a scene is to methods: no force depends on velocities; some do; and that limits steps, of
- * many particles and without planes */
+/* Kinds of scenes: no force depends on velocities; some do; damping limits the steps, no plane
+ * counts, and particles are more than a few */
 enum { UNDAMPED, DAMPED, LIMITED_BY_DAMPING, KINDS };
 #define ALWAYS(method) \
   { &(method), &(method), &(method) }

@@ -21,7 +21,7 @@ static msim_status dop853_step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* from the results of order 5 (which = 0) and 3 (1) */
+/* The difference of the result from those of order 5 (which = 0) and 3 (1) */
 static void dop853_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   ms_nystrom_estimate(&table, s, EE[which], E[which], dx, dv);
 }

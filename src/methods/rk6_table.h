@@ -2,9 +2,9 @@
  * its error estimate
  *
  * Polynomial of stability: sum_k r_k z^k with r_k = 1/k! up to k = 6. The others, by linear
- * programming (Ketcheson and Ahmadia, Comm. App. Math. Com. Sc. 7 (2012) 247), admit the longest
- * steps of springs with damping in proportion to stiffness, with the largest r for which it is at
- * most 1
+ * programming (Ketcheson and Ahmadia, Commun. Appl. Math. Comput. Sci. 7 (2012) 247), admit the
+ * longest steps of springs with damping in proportion to stiffness: r is the largest for which the
+ * modulus is at most 1
  *   on the circle |z + r| = r of all modes that oscillate (docs/theory.md),
  *   on the real axis down to -2.4 r,
  *   in the left half of the disc |z| <= r/2, where modes are damped little;

@@ -11,50 +11,33 @@ static void apply_oscillator(double zeta, double shift, double z, const double y
   to[1] = shift * v - z * (x + 2 * zeta * v);
 }
 
-/* y = sum_k r_k L^k y, k = 0 ... n, L = z (0, 1; -1, -2 zeta) */
-static void apply_polynomial(double zeta, double z, int n, const double r[], double y[2]) {
+/* y = sum_k r_k L^k y, k = 0 ... n, L = z (0, 1; -1, -2 zeta): r_k = 1/k! up to the order of the
+ * method, the others in `rest` */
+static void apply_polynomial(double zeta, double z, int order, int n, const double rest[],
+                             double y[2]) {
   const double start[2] = {y[0], y[1]};
-  for (int c = 0; c < 2; c++) y[c] *= r[n];
+  for (int c = 0; c < 2; c++) y[c] *= rest[n - order - 1];
   for (int k = n - 1; k >= 0; k--) {
+    const double r = k > order ? rest[k - order - 1] : 1 / tgamma(k + 1);
     apply_oscillator(zeta, 0, z, y, y);
-    for (int c = 0; c < 2; c++) y[c] += r[k] * start[c];
+    for (int c = 0; c < 2; c++) y[c] += r * start[c];
   }
 }
 
-/* r_k = b A^(k-1) 1 of the tableau in Hairer, Norsett and Wanner, Solving Ordinary Differential
- * Equations I, II.5, for k = 9 ... 12; 1/k! below */
+/* r_k = b A^(k-1) 1, k = 9 ... 12, of the tableau in Hairer, Norsett and Wanner, Solving Ordinary
+ * Differential Equations I, II.5 */
 void amplify_dop853(double zeta, double z, double y[2]) {
-  static const double r[13] = {1,
-                               1,
-                               1. / 2,
-                               1. / 6,
-                               1. / 24,
-                               1. / 120,
-                               1. / 720,
-                               1. / 5040,
-                               1. / 40320,
-                               2.6916922001690856e-06,
-                               2.34134510820978e-07,
-                               1.4947364854591547e-08,
-                               3.613324578128244e-10};
-  apply_polynomial(zeta, z, 12, r, y);
+  static const double rest[4] = {2.6916922001690856e-06, 2.34134510820978e-07,
+                                 1.4947364854591547e-08, 3.613324578128244e-10};
+  apply_polynomial(zeta, z, 8, 12, rest, y);
 }
 
-/* r_7 ... r_11: found by linear programming (src/methods/rk6_table.h); 1/k! below */
+const double amplification_rk6_terms[5] = {0.000197172944079033037, 0.0000227630629217447379,
+                                           1.89490634584398076e-6, 9.58383779100959055e-8,
+                                           2.14187646383576264e-9};
+
 void amplify_rk6(double zeta, double z, double y[2]) {
-  static const double r[12] = {1,
-                               1,
-                               1. / 2,
-                               1. / 6,
-                               1. / 24,
-                               1. / 120,
-                               1. / 720,
-                               0.000197172944079033037,
-                               0.0000227630629217447379,
-                               1.89490634584398076e-6,
-                               9.58383779100959055e-8,
-                               2.14187646383576264e-9};
-  apply_polynomial(zeta, z, 11, r, y);
+  apply_polynomial(zeta, z, 6, 11, amplification_rk6_terms, y);
 }
 
 /* R(z) = (1 + 18 w^5 + 6 w^10)/25, w = 1 + z/6 (Ketcheson 2008) */
