@@ -6,7 +6,7 @@ import unittest
 from cli_support import PENDULUM, CliTest
 
 LEAST = 0.9  # the share of runs that the first sentence must help
-EXPLICIT = "explicit-euler heun verlet symplectic-euler velocity-verlet respa rk4 ssprk104 rk6 rkc".split()
+EXPLICIT = "explicit-euler heun verlet symplectic-euler velocity-verlet respa rk4 ssprk102 ssprk104 rk6 rkc".split()
 SMOOTH = "takahashi-imada force-gradient rkn6".split()
 NEWTON = "implicit-euler implicit-midpoint trapezoidal newmark bdf2 tr-bdf2 sdirk2".split()
 GRAVITY = [0, 0, -9.81]

@@ -39,6 +39,7 @@ static void steps_have_their_order(void **state) {
     amplification_step *step;
     double zeta, z, order;
   } cases[] = {{amplify_rkc, 0, 0.05, 2},     {amplify_rkc, 0.1, 0.05, 2},
+               {amplify_ssprk102, 0, 0.3, 2}, {amplify_ssprk102, 0.1, 0.3, 2},
                {amplify_ssprk104, 0, 0.6, 4}, {amplify_ssprk104, 0.1, 0.6, 4},
                {amplify_rk6, 0, 0.3, 6},      {amplify_rk6, 0.1, 0.3, 6},
                {amplify_dop853, 0, 0.6, 8},   {amplify_dop853, 0.1, 0.6, 8},
@@ -75,7 +76,8 @@ static void circles_of_proportional_damping_are_stable(void **state) {
   const struct {
     amplification_step *step;
     double r;
-  } cases[] = {{amplify_ssprk104, 6}, {amplify_rk6, 4.97}, {amplify_dop853, 3.19}};
+  } cases[] = {
+      {amplify_ssprk102, 9}, {amplify_ssprk104, 6}, {amplify_rk6, 4.97}, {amplify_dop853, 3.19}};
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     assert_true(growth_on_circle(cases[i].step, cases[i].r) <= 1e-12);
     assert_true(growth_on_circle(cases[i].step, 1.01 * cases[i].r) > 1e-3);

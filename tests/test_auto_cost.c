@@ -120,7 +120,7 @@ static double work_at(const curve *c, double error) {
 
 /* All methods that a user could name, with tol and with fixed steps; these not in scenes with
  * planes, where they are accurate by chance. */
-enum { CURVES = 44 };
+enum { CURVES = 46 };
 static int sweep_all(const target *t, double most, curve curves[CURVES]) {
   const int kinds = t->scene->data->nplanes > 0 ? 1 : 2;
   const msim_integrator_entry *entry;

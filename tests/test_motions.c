@@ -166,9 +166,10 @@ static void energy_is_balanced(void **state) {
 /* With fixed steps the balance converges with the order of the method. */
 static void work_has_the_order_of_the_method(void **state) {
   (void)state;
-  const char *const methods[] = {"velocity-verlet",   "rk4",           "ssprk104", "rk6", "rkn6",
+  const char *const methods[] = {"velocity-verlet",   "rk4",           "ssprk102",
+                                 "ssprk104",          "rk6",           "rkn6",
                                  "implicit-midpoint", "force-gradient"};
-  for (int i = 0; i < 7; i++) {
+  for (int i = 0; i < 8; i++) {
     double off[2];
     for (int k = 0; k < 2; k++) {
       msim_scene *scene = driven_particle(MSIM_MOTION_CUBIC, 0.5, 0);

@@ -113,6 +113,7 @@ static void damping_costs_two_methods_an_order(void **state) {
   check("velocity-verlet", 0, 0.5, 0.3, 2);
   check("heun", 0, 0.5, 0.3, 2);
   check("rk4", 0, 0.5, 0.3, 4);
+  check("ssprk102", 0, 0.5, 0.3, 2);
   check("ssprk104", 0, 0.5, 0.3, 4);
   check("rk6", 0, 0.5, 0.3, 6);
   check("dop853", 0, 0.5, 0.3, 8);

@@ -16,11 +16,12 @@ static msim_options single_options(const char *method, double h) {
   return opt;
 }
 
-/* All that single precision supports, but explicit-euler, which is unstable without damping */
+/* All that single precision supports, but explicit-euler, which is unstable without damping, and
+ * ssprk104, which combines stages twice and so rounds half as much again */
 #define IMPLICIT "linearly-implicit-euler"
-static const char *const methods[] = {"heun",  "verlet", "symplectic-euler", "velocity-verlet",
-                                      "rk4",   "rkc",    "takahashi-imada",  "force-gradient",
-                                      IMPLICIT};
+static const char *const methods[] = {
+    "heun", "verlet",   "symplectic-euler", "velocity-verlet", "rk4",
+    "rkc",  "ssprk102", "takahashi-imada",  "force-gradient",  IMPLICIT};
 enum { METHODS = sizeof methods / sizeof *methods };
 
 /* An explicit method and the implicit one */

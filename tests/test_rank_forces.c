@@ -61,7 +61,8 @@ static void force_functions(void **state) {
                                     .name = "trap",
                                     .evaluate = bowl_force,
                                     .potential = bowl};
-  const char *methods[] = {"velocity-verlet", "rk4", "ssprk104", "rk6", "dop853", "heun", "rkc"};
+  const char *methods[] = {"velocity-verlet", "rk4",  "ssprk102", "ssprk104", "rk6",
+                           "dop853",          "heun", "rkc"};
   msim_scene *scene = random_mesh(300, 8, 0.01), *short_rope = folded_rope(4);
   assert_ok(msim_scene_set_force_function(scene, &gusts, err));
   assert_ok(msim_scene_set_force_function(short_rope, &trap, err));

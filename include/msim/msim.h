@@ -201,12 +201,12 @@ typedef struct msim_csr {
  * in each part of n free particles that springs connect, with the extent L and the speed U of the
  * part (see msim_sim_explain) and the length T of the run up to t_end, or 1 s if there is no end.
  * The part with the largest error determines h. So tol is the error at the end of the run if errors
- * neither grow nor decay; a tenth of tol gives about a tenth of the error. dop853, ssprk104, rk6,
- * rkc and bdf2 have an error estimate of their own; others compare each step with two half steps.
- * `verlet`, `respa` and `takahashi-imada` have no error control. Impacts are located: a step ends
- * at the first impact that would lead deeper behind a plane than tol L/10, and particles bounce at
- * the start of the next step. `step` counts the accepted steps, and the last one ends at t_end.
- * Setting a state starts a new run, with an error counted from there.
+ * neither grow nor decay; a tenth of tol gives about a tenth of the error. dop853, ssprk102,
+ * ssprk104, rk6, rkc and bdf2 have an error estimate of their own; others compare each step with
+ * two half steps. `verlet`, `respa` and `takahashi-imada` have no error control. Impacts are
+ * located: a step ends at the first impact that would lead deeper behind a plane than tol L/10, and
+ * particles bounce at the start of the next step. `step` counts the accepted steps, and the last
+ * one ends at t_end. Setting a state starts a new run, with an error counted from there.
  *
  * With integrator = "auto" each run begins with the choice of a method from tol and pilot runs in
  * the scene (see msim_sim_explain); only operation counts decide, never timings. Small scenes run

@@ -13,6 +13,7 @@
   X(ms_velocity_verlet)         \
   X(ms_respa)                   \
   X(ms_rk4)                     \
+  X(ms_ssprk102)                \
   X(ms_ssprk104)                \
   X(ms_rk6)                     \
   X(ms_rkc)                     \

@@ -40,6 +40,13 @@ void amplify_rk6(double zeta, double z, double y[2]) {
   apply_polynomial(zeta, z, 6, 11, amplification_rk6_terms, y);
 }
 
+/* R(z) = (1 + 9 w^10)/10, w = 1 + z/9 (Kraaijevanger 1991) */
+void amplify_ssprk102(double zeta, double z, double y[2]) {
+  double now[2] = {y[0], y[1]};
+  for (int i = 0; i < 10; i++) apply_oscillator(zeta, 1, z / 9, now, now);
+  for (int c = 0; c < 2; c++) y[c] = 0.1 * y[c] + 0.9 * now[c];
+}
+
 /* R(z) = (1 + 18 w^5 + 6 w^10)/25, w = 1 + z/6 (Ketcheson 2008) */
 void amplify_ssprk104(double zeta, double z, double y[2]) {
   static const double weight[3] = {1. / 25, 18. / 25, 6. / 25};

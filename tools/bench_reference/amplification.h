@@ -9,7 +9,7 @@
 /* Advances y = (x, v/w) in place. */
 typedef void amplification_step(double zeta, double z, double y[2]);
 
-amplification_step amplify_ssprk104, amplify_rk6, amplify_rkc, amplify_dop853;
+amplification_step amplify_ssprk102, amplify_ssprk104, amplify_rk6, amplify_rkc, amplify_dop853;
 /* r_7 ... r_11 of the polynomial of rk6, found by linear programming (src/methods/rk6_table.h). For
  * tests/test_rk6.c, too */
 extern const double amplification_rk6_terms[5];

@@ -35,7 +35,7 @@ static void set_step_settings(const reference_solution *t, precision_method *m) 
 /* Methods that are also run under error control, by step doubling or by an embedded estimate. */
 static int is_worth_control(const char *integrator) {
   static const char *const names[] = {
-      "velocity-verlet", "force-gradient",    "rk4",    "ssprk104", "rk6", "rkn6",
+      "velocity-verlet", "force-gradient",    "rk4",    "ssprk102", "ssprk104", "rk6", "rkn6",
       "dop853",          "implicit-midpoint", "sdirk2", "auto"};
   for (size_t i = 0; i < sizeof names / sizeof *names; i++)
     if (strcmp(names[i], integrator) == 0) return 1;
