@@ -18,9 +18,17 @@
 /* With more stages their rounding errors accumulate. */
 enum { MOST_STAGES = 1000 };
 
+/* With s stages the region of stability contains the real axis down to -AXIS (s^2 - 1). */
+static const double AXIS = 0.653;
+
 int32_t ms_rkc_count_stages(double h, ms_bounds bounds) {
-  const double stages = ceil(sqrt(1 + h * fmax(bounds.rate, bounds.omega) / 0.653));
+  const double stages = ceil(sqrt(1 + h * fmax(bounds.rate, bounds.omega) / AXIS));
   return (int32_t)fmin(fmax(stages, 2), MOST_STAGES);
+}
+
+/* The longest step that is stable on the real axis */
+static double longest_step(const ms_bounds *b) {
+  return AXIS * (MOST_STAGES * MOST_STAGES - 1.) / fmax(b->rate, b->omega);
 }
 
 /*------------------------------------- coefficients ---------------------------------------------*/
@@ -122,10 +130,12 @@ static msim_status rkc_step(ms_stepper *s, msim_error *err) {
   return MSIM_OK;
 }
 
-/* The error estimate of Sommeijer, Shampine and Verwer, (12 (y - y') + 6 h (f + f'))/15 */
+/* The error estimate of Sommeijer, Shampine and Verwer, (12 (y - y') + 6 h (f + f'))/15. That of a
+ * step that needs more stages than there may be is NaN, as it amplifies rounding errors. */
 static void rkc_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
-  const double w[] = {0.8, -0.8, 0.4 * s->h, 0.4 * s->h};
+  const double one = s->h > longest_step(&s->bounds) ? NAN : 1;
+  const double w[] = {0.8 * one, -0.8 * one, 0.4 * s->h * one, 0.4 * s->h * one};
   const double *const x[] = {s->x, s->x_next, s->v, s->v_next};
   const double *const v[] = {s->v, s->v_next, s->work[A0], s->work[V]};
   s->c = 1;
@@ -136,7 +146,7 @@ static void rkc_estimate(ms_stepper *s, int which, double *dx, double *dv) {
 
 /* h w^2 <= MS_RKC_STRIP g for every mode (rkc.h). */
 static double rkc_limit(const ms_bounds *b) {
-  return b->omega > 0 ? MS_RKC_STRIP / b->ratio : INFINITY;
+  return fmin(b->omega > 0 ? MS_RKC_STRIP / b->ratio : INFINITY, longest_step(b));
 }
 
 const ms_integrator ms_rkc = {
