@@ -28,7 +28,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 15u
+#define VERSION 16u
 
 typedef struct header {
   char magic[8];

@@ -29,7 +29,9 @@ enum {
   SIXTH,
   EIGHTH,
   ERROR_CONTROLLED,
+  STABILISED_CONTROLLED,
   DAMPING_CONTROLLED,
+  LOW_ORDER_CONTROLLED,
   ERROR_RELAXED,
   DAMPING_RELAXED,
   MULTIRATE,
@@ -47,9 +49,11 @@ enum { UNDAMPED, DAMPED, LIMITED_BY_DAMPING, KINDS };
  * control over tol; 0: fixed steps. The leapfrog stands for all explicit methods of order 2. Its
  * forces depend on the velocities of half a step before: the errors of that are of order 1, yet
  * small where damping is weak, and velocity Verlet needs twice as many evaluations. Evaluations of
- * dop853 and rk6 count 13/12-fold, as they form so many sums; those of rkc follow from h. ssprk104
- * and rk6 are for steps that damping limits, of which error control makes longer ones than bounds
- * on damping allow. tr-bdf2 damps what long steps cannot resolve; implicit methods that do not damp
+ * dop853 and rk6 count 13/12-fold, as they form so many sums; those of rkc follow from h. ssprk102,
+ * ssprk104 and rk6 are for steps that damping limits, of which error control makes longer ones than
+ * bounds on damping allow. Strong damping makes long steps of rkc with many stages least expensive;
+ * these may become unstable, as motion across springs is not damped, so that error control may have
+ * to shorten them. tr-bdf2 damps what long steps cannot resolve; implicit methods that do not damp
  * it have to resolve it, and take no longer steps than explicit ones. */
 static const struct {
   const ms_integrator *method[KINDS];
@@ -66,7 +70,9 @@ static const struct {
     [SIXTH] = {ALWAYS(ms_rkn6), {11, 11, 11}},
     [EIGHTH] = {ALWAYS(ms_dop853), {13, 13, 13}},
     [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = 1},
+    [STABILISED_CONTROLLED] = {ALWAYS(ms_rkc), {2, 2, 2}, .control_tol = 1},
     [DAMPING_CONTROLLED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control_tol = 1},
+    [LOW_ORDER_CONTROLLED] = {ALWAYS(ms_ssprk102), {10, 10, 10}, .control_tol = 1},
     [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = MS_RELAXED},
     [DAMPING_RELAXED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control_tol = MS_RELAXED},
     [MULTIRATE] = {ALWAYS(ms_respa), {0}},
@@ -91,6 +97,27 @@ static int needs_velocities(const ms_pilot_run *p) { return p->mid_run || !p->ma
 static int is_order_two(int i) { return i == LEAPFROG_METHOD || i == WITH_VELOCITIES; }
 static int is_controlled(int i) { return candidate_list[i].control_tol > 0; }
 static int is_relaxed(int i) { return candidate_list[i].control_tol > 1; }
+static int is_for_damping(int i) {
+  const int is_controlled_one = i >= STABILISED_CONTROLLED && i <= LOW_ORDER_CONTROLLED;
+  return i == STABILISED || is_controlled_one || is_relaxed(i);
+}
+
+/* Why a candidate is rejected whose steps damping limits. With few stages the others under error
+ * control cost less than rkc. Order 2 is sufficient for a large tol: other trials are wasted. */
+static int find_damping_rejection(const ms_pilot_run *p, int i) {
+  const double least_tol = i == LOW_ORDER_CONTROLLED ? 0.03 : i == STABILISED_CONTROLLED ? 1e-4 : 0;
+  const ms_integrator *method = candidate_method(p, i);
+  const double reach = ms_pilot_run_stable_step(p, method);
+  if (!p->damped) return MS_REASON_UNDAMPED;
+  if (reach == 0) return MS_REASON_NEVER_STABLE;
+  if (!is_controlled(i)) return MS_REASON_NONE;
+  if (p->planes_count) return MS_REASON_TRIAL_TOO_EXPENSIVE;
+  if (!ms_pilot_run_is_limited_by_damping(p)) return MS_REASON_WEAKLY_DAMPED;
+  if (p->tol < least_tol) return MS_REASON_LOW_ORDER;
+  if (i == STABILISED_CONTROLLED && !ms_pilot_run_has_many_stages(p)) return MS_REASON_FEW_STAGES;
+  if (is_relaxed(i) && !ms_control_trial_may_relax(p, method)) return MS_REASON_NOT_RELAXED;
+  return MS_REASON_NONE;
+}
 
 static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
@@ -103,16 +130,11 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   if (i == LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
   if (i == TAKAHASHI_IMADA && planes) return MS_REASON_NO_PLANES;
   if (i == SIXTH && p->damped) return MS_REASON_DAMPED;
-  const int for_damping = i == DAMPING_CONTROLLED || is_relaxed(i);
-  if ((i == STABILISED || for_damping) && !p->damped) return MS_REASON_UNDAMPED;
-  if (for_damping && planes) return MS_REASON_TRIAL_TOO_EXPENSIVE;
-  if (for_damping && !ms_pilot_run_is_limited_by_damping(p)) return MS_REASON_WEAKLY_DAMPED;
-  if (is_relaxed(i) && !ms_control_trial_may_relax(p, candidate_method(p, i)))
-    return MS_REASON_NOT_RELAXED;
+  const int of_damping = is_for_damping(i) ? find_damping_rejection(p, i) : 0;
+  if (of_damping) return of_damping;
   if ((i == ERROR_CONTROLLED || i == DAMPING_CONTROLLED) && !p->few &&
       ms_control_trial_relaxes_first(p))
     return MS_REASON_RELAXED;
-  if (i == STABILISED && ms_pilot_run_stable_step(p, &ms_rkc) == 0) return MS_REASON_NEVER_STABLE;
   if (!p->many && !planes && !ms_control_is_supported(candidate_method(p, i)))
     return MS_REASON_UNVERIFIED;
   if (i != ERROR_CONTROLLED && p->few) return MS_REASON_FEW_PARTICLES;

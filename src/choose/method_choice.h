@@ -7,15 +7,17 @@
  * tried. An untried method also costs four times its trial, as few turn out as inexpensive as their
  * bound: a run of a hundred steps gets a method that is easily found.
  *
- * tr-bdf2, dop853, rk6 and ssprk104 run under error control, too. dop853 does so over a part of the
- * pilot run (of at most 6 steps unless planes count), which yields its cost, and is the only
- * candidate where particles are few, as one event determines the error there. So do rk6 in its
- * place, and ssprk104, whose stages cost less, where damping is strong: bounds on damping are
+ * tr-bdf2, dop853 and methods for damping run under error control, too. dop853 does so over a part
+ * of the pilot run (of at most 6 steps unless planes count), which yields its cost, and is the only
+ * candidate where particles are few, as one event determines the error there. Where damping is
+ * strong, rk6 does so in its place, and ssprk104, whose stages cost less: bounds on damping are
  * loose. There both do so with a larger tolerance, too (control_trial.h), and with tol only if that
- * does not suffice. The others take fixed steps: step doubling costs half as much again, and
- * control adds up errors that cancel, up to a hundredfold, in methods that keep energy within
- * bounds. Fixed steps are verified (step_verification.h). LSODA (Petzold, SIAM J. Sci. Stat.
- * Comput. 4 (1983) 136) likewise compares the steps that each method could take.
+ * does not suffice. Of order 2, ssprk102 does so if tol is 0.03 or more, and rkc if it is 1e-4 or
+ * more and damping is so strong that steps may have many stages. The others take fixed steps: step
+ * doubling costs half as much again, and control adds up errors that cancel, up to a hundredfold,
+ * in methods that keep energy within bounds. Fixed steps are verified (step_verification.h). LSODA
+ * (Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136) likewise compares the steps that each method
+ * could take.
  *
  * Until a plane is close the choice is as without planes; then it is made anew. Frames are bound to
  * the steps with which the run began: error control then chooses substeps of these.

@@ -29,6 +29,8 @@ const char *ms_rejection_reasons_text(int why) {
           "it did not finish the run at a fifth of the best method's cost",
       [MS_REASON_NEVER_STABLE] = "some spring is undamped, so that no step is stable",
       [MS_REASON_ANGLES] = "it does not support angular springs",
+      [MS_REASON_LOW_ORDER] = "its order is too low for so small a tol",
+      [MS_REASON_FEW_STAGES] = "damping is too weak for many stages",
       [MS_REASON_NOT_RELAXED] = "tol is large, or the run is short",
       [MS_REASON_RELAXED] = "tried only where a larger tolerance does not keep tol"};
   return reasons[why];

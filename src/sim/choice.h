@@ -5,7 +5,7 @@
 
 #include "sim/step_verification.h"
 
-enum { MS_CANDIDATES = 14 };
+enum { MS_CANDIDATES = 16 };
 
 typedef struct ms_candidate {
   const ms_integrator *method;

@@ -19,15 +19,19 @@ enum { ENERGY_INTERVAL = 512 };
 /* Indicators */
 enum { DEFECT, TURN };
 
-/* The method of substeps */
-static const ms_integrator *const substep_method = &ms_dop853;
+/* The method of substeps. rkc locates no impacts. */
+static const ms_integrator *substep_method(const msim_sim *sim) {
+  const ms_integrator *method = sim->config.integrator;
+  return method == &ms_rkc && !ms_scene_has_obstacles(sim->scene) ? method : &ms_dop853;
+}
 
 static int is_needed(const msim_sim *sim) {
   return ms_sim_selects(sim) && !ms_sim_has_control(sim);
 }
 
 int32_t ms_step_verification_work(const msim_sim *sim) {
-  return is_needed(sim) && sim->config.choice.verification.allowed > 0 ? substep_method->nwork : 0;
+  return is_needed(sim) && sim->config.choice.verification.allowed > 0 ? substep_method(sim)->nwork
+                                                                       : 0;
 }
 
 msim_status ms_step_verification_create(const msim_sim *sim, const ms_model *model,
@@ -51,13 +55,23 @@ static double mass_norm(ms_stepper *s, const double *d, double scale, const ms_s
   return sqrt(ms_vector_dot(shape, d, s->scratch) / (2 * scales->mass)) / scale;
 }
 
-/* |D| of the step from x to x_next, not yet accepted; 0 if the method does not carry a, or in
- * single precision, as rounding of a is larger */
+/* The method's own estimate of the error of that step. It grows with what makes a step unstable. */
+static double find_estimate_norm(const ms_integrator *method, ms_stepper *s,
+                                 const ms_scales *scales) {
+  double *dx = s->x_spare[0], *dv = s->v_spare[0];
+  method->estimate(s, 0, dx, dv);
+  return hypot(mass_norm(s, dx, scales->extent, scales), mass_norm(s, dv, scales->speed, scales));
+}
+
+/* |D| of the step from x to x_next, not yet accepted, or of rkc its estimate; 0 if the method has
+ * neither, or in single precision, as rounding of a is larger */
 static double find_defect_norm(const ms_integrator *method, ms_stepper *s,
                                const ms_scales *scales) {
   const ms_shape shape = s->model->state_shape;
   const double h = s->h, w[] = {-1, -h / 2, -h / 2, -h * h / 12, h * h / 12};
-  if (!ms_control_is_supported(method) || method->carried != 1 || shape.single) return 0;
+  if (shape.single) return 0;
+  if (method == &ms_rkc) return find_estimate_norm(method, s, scales);
+  if (!ms_control_is_supported(method) || method->carried != 1) return 0;
   const double *a = s->work[s->cached_stage == 2], *a_next = s->work[s->cached_stage != 2];
   const double *const x[] = {s->x, s->v, s->v_next, a, a_next};
   ms_vector_linear_combination(shape, s->x_next, 5, w, x, s->x_spare[0]);
@@ -164,9 +178,10 @@ static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign
   const int is_large = m->model.shape.n >= LARGE;
   const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
   const double *seen = m->verification.indicator;
-  const int64_t every =
-      is_large ? WORTH
-               : (int64_t)ceil(WORTH / fmax(1, ms_choice_best(&sim->config.choice)->step_cost));
+  const double cost = fmax(1, ms_choice_best(&sim->config.choice)->step_cost);
+  const int64_t every = sim->config.integrator == &ms_rkc ? (int64_t)ceil(2 * WORTH / cost)
+                        : is_large                        ? WORTH
+                                                          : (int64_t)ceil(WORTH / cost);
   const int computes_indicators = is_scheduled || step % every == 0;
   sign[DEFECT] = sign[TURN] = 0;
   if (computes_indicators)
@@ -190,12 +205,12 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
   ms_attempt a = ms_control_begin_attempt(c, ms_sim_time(sim), *left);
   for (;;) {
     s->h = a.h;
-    const msim_status status = ms_island_step_make_controlled(sim, substep_method, m, c, err);
+    const msim_status status = ms_island_step_make_controlled(sim, substep_method(sim), m, c, err);
     if (status && !ms_island_step_may_retry(status)) return status;
     const ms_verdict verdict = ms_control_judge_attempt(c, &a, status, m->error, s->impact,
                                                         ms_island_step_find_amplification(m));
     const double h = a.h;
-    if (verdict == MS_SHORTENED) ms_shortened_step_end(substep_method, s, s->impact);
+    if (verdict == MS_SHORTENED) ms_shortened_step_end(substep_method(sim), s, s->impact);
     if (verdict == MS_ACCEPTED || verdict == MS_SHORTENED) {
       if (h < a.planned) c->h = fmax(c->h, a.planned); /* the end of the step, or an impact */
       *left = h == *left ? 0 : *left - h;
@@ -231,7 +246,7 @@ static void restore_saved_start(ms_island_sim *m) {
 static ms_control substep_control(const msim_sim *sim, double step, double h) {
   const double LESS = 1. / 16, tol = sim->config.choice.tol, span = ms_plan_span(&sim->config.plan);
   const double most = LESS * sim->config.choice.verification.allowed * span / step;
-  ms_control c = ms_control_make(substep_method, fmax(tol, most), span);
+  ms_control c = ms_control_make(substep_method(sim), fmax(tol, most), span);
   c.h = h;
   return c;
 }

@@ -9,14 +9,16 @@
  * that turns fast, or larger motion. Both have indicators that cost no evaluation: the largest
  * angle by which a spring turned, and
  *   D = x' - x - h/2 (v + v') - h^2/12 (a - a') = O(h^5)
- * of methods that carry the acceleration a. To verify a step is to compare it with two half steps.
- * That is done where an indicator is three times as large as in steps verified before, where a
- * spring turned by 45 degrees, and once in MS_VERIFICATION_INTERVAL steps. With planes near, it is
- * done for each step in which particles stop, slip or turn on individual paths that may be too
- * inaccurate, or at least one in 64 bounces (in large scenes a few always do); such steps may
- * differ from their halves by tol/16. Impacts of many particles on the paths of velocity Verlet
- * have errors of its order 2, as its trial predicts: nothing is verified. Reflection at the ends of
- * steps is of order 1: half steps do not show its error.
+ * of methods that carry the acceleration a. rkc has its error estimate in place of D, for one
+ * evaluation in 16 or more: its long steps may become unstable, as motion across springs is not
+ * damped. To verify a step is to compare it with two half steps. That is done where an indicator is
+ * three times as large as in steps verified before, where a spring turned by 45 degrees, and once
+ * in MS_VERIFICATION_INTERVAL steps. With planes near, it is done for each step in which particles
+ * stop, slip or turn on individual paths that may be too inaccurate, or at least one in 64 bounces
+ * (in large scenes a few always do); such steps may differ from their halves by tol/16. Impacts of
+ * many particles on the paths of velocity Verlet have errors of its order 2, as its trial predicts:
+ * nothing is verified. Reflection at the ends of steps is of order 1: half steps do not show its
+ * error.
  *
  * The allowed difference of whole and half steps leads to tol at the end of the run if all steps
  * have it: the difference at the choice, times tol over the error predicted there; as errors cancel
@@ -26,8 +28,8 @@
  * order, which may be larger by that, up to tol/4. Otherwise error control makes this step and the
  * following ones in substeps, until a substep is as long as a step again; substeps may add the
  * error that tol allows, or 1/16 of the allowed difference if that is more. They are those of
- * dop853, whatever the method of the steps: with order 2 they were up to 100 times as many. So the
- * grid of steps, and of frames, stays.
+ * dop853: of order 2 they were up to 100 times as many. Only those of rkc are of rkc, too, as
+ * damping may require far more of dop853. So the grid of steps, and of frames, stays.
  *
  * Errors of steps that stay below what is allowed may still add up to more than tol. Under methods
  * of order 2 the differences of verified steps are added up, each for the steps since the one
@@ -57,7 +59,7 @@ enum { MS_EVENTS_PER_RUN = 16 }; /* events in a run: so many share tol */
 /* A measured step */
 typedef struct ms_step_measurement {
   double error;        /* difference from two half steps, in the norm of errors */
-  double indicator[2]; /* indicators: D, in that norm; 1 - cos of the largest angle */
+  double indicator[2]; /* indicators: D, or the estimate; 1 - cos of the largest angle */
 } ms_step_measurement;
 
 /* Verification of one island */
