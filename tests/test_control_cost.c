@@ -6,6 +6,8 @@
 #include "choose/pilot_run.h"
 
 static msim_scene *damped_rope(void) { return swinging_rope(32, 1e4, 4); }
+/* Damping removes vibrations in microseconds. */
+static msim_scene *stiff_dampers(void) { return swinging_rope(100, 3000, 40); }
 static msim_scene *rope(void) { return swinging_rope(32, 1e4, 0); }
 
 static const ms_candidate *find_controlled(const msim_sim *sim, const char *method) {
@@ -28,7 +30,8 @@ static double work_of_run(const msim_scene *scene, const char *method, double to
 /* Errors of steps grow after the pilot run, where ropes and cloths start at rest, and steps become
  * shorter; where the limit of stability decides, they do not. Evaluations of dop853 and rk6 count
  * 13/12-fold. The first step of rk6 is cut to a fifth; the trial ends before steps are as long as
- * the others, which is made good in part. */
+ * the others, which is made good in part. Steps of rkc first become up to 200 times as long, and
+ * then do not shorten as expected. */
 static void the_cost_of_error_control_is_foreseen(void **state) {
   (void)state;
   static const struct {
@@ -38,7 +41,9 @@ static void the_cost_of_error_control_is_foreseen(void **state) {
   } row[] = {{damped_rope, "ssprk104", 1e-2},  {damped_rope, "ssprk104", 1e-4},
              {damped_rope, "rk6", 1e-5},       {damped_rope, "rk6", 1e-7},
              {rope, "dop853", 1e-5},           {rope, "dop853", 1e-7},
-             {damped_solid, "ssprk104", 0.02}, {damped_solid, "ssprk102", 0.1}};
+             {damped_solid, "ssprk104", 0.02}, {damped_solid, "ssprk102", 0.1},
+             {stiff_dampers, "rkc", 0.05},     {stiff_dampers, "rkc", 1e-2},
+             {stiff_dampers, "rkc", 1e-3}};
   const double t_end = 0.5;
   for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
     msim_scene *scene = row[i].make();
@@ -46,12 +51,13 @@ static void the_cost_of_error_control_is_foreseen(void **state) {
     opt.precision = MSIM_PRECISION_DOUBLE;
     msim_sim *sim = make_sim(scene, &opt);
     const ms_candidate *c = find_controlled(sim, row[i].method);
-    const double sums = strstr(row[i].method, "ssprk") ? 1 : 13. / 12;
+    const double sums = strstr(row[i].method, "rk6") || strstr(row[i].method, "dop") ? 13. / 12 : 1;
     const double work = sums * work_of_run(scene, row[i].method, row[i].tol, t_end);
     const double ratio = c->cost_rate * t_end / work;
     print_message("  %s, tol %.0e: foreseen/spent %.3g\n", row[i].method, row[i].tol, ratio);
-    const double most = strcmp(row[i].method, "rk6") == 0 ? 1.5 : 1.25;
-    assert_true(c->tried && ratio > 0.8 && ratio < most);
+    const int is_rkc = strcmp(row[i].method, "rkc") == 0;
+    const double most = is_rkc ? 2.2 : strcmp(row[i].method, "rk6") == 0 ? 1.5 : 1.25;
+    assert_true(c->tried && ratio > (is_rkc ? 0.7 : 0.8) && ratio < most);
     msim_sim_destroy(sim);
     msim_scene_destroy(scene);
   }
