@@ -12,6 +12,9 @@
 enum { FEW_SPRINGS = 128, MOST_STRIDES = 64 /* in a step */ };
 static const double LENGTH = 1e-7; /* the length that d is scaled to */
 
+/* Evaluations that the measurement may take: FREE, and this share of all others */
+static const double FREE = 64, MOST = 0.2;
+
 int ms_error_growth_is_measurable(const ms_model *model) {
   return model->springs.n <= FEW_SPRINGS || model->scene->nplanes;
 }
@@ -55,12 +58,25 @@ static double normalize(ms_island_sim *m) {
   return ms_vector_find_invalid(shape, d->a) < 0 ? length : INFINITY;
 }
 
+/* 1: the whole run would take too many. Their number is known under fixed steps. */
+static int is_run_too_expensive(const msim_sim *sim) {
+  const double span = ms_plan_span(&sim->config.plan);
+  double sum = 0, others = 0;
+  if (!ms_sim_selects(sim) || ms_choice_best(&sim->config.choice)->control_tol > 0) return 0;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    if (m->disturbance.dx) sum += 2 * span / m->disturbance.stride;
+    others += span / sim->run.h * ms_choice_best(&sim->config.choice)->step_cost;
+  }
+  return sum > FREE + MOST * others;
+}
+
 void ms_error_growth_start(msim_sim *sim) {
   sim->error_growth = (ms_error_growth){.evaluations0 = sim->stats.force_evaluations,
                                         .contacts0 = sim->stats.contacts};
   for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     if (m->disturbance.dx && m->model.springs.n > FEW_SPRINGS)
       sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
+  if (is_run_too_expensive(sim)) sim->error_growth.state = MS_ERROR_GROWTH_TOO_EXPENSIVE;
 }
 
 static void clear_disturbance(ms_shape shape, ms_disturbance *d) {
@@ -121,7 +137,6 @@ static void report_growth(msim_sim *sim, double growth) {
 }
 
 static int is_too_expensive(const msim_sim *sim) {
-  const double FREE = 64, MOST = 0.2;
   const ms_error_growth *s = &sim->error_growth;
   const int64_t others = sim->stats.force_evaluations - s->evaluations0;
   return (double)s->evaluations > FREE + MOST * (double)others;

@@ -27,8 +27,9 @@
  * another. x is interpolated to the ends of strides. A stride costs two evaluations, a step with
  * impacts one. If they come to more than a fifth of all others, as with long implicit steps or
  * inexpensive ones at the stability limit, or a step to more than 64 strides, the growth is not
- * measured, nor is it in islands of more than 128 springs, until the first contact: from there on
- * steps are short. `explain` reports that. No bit of the motion depends on any of this. */
+ * measured (from the start on if fixed steps of auto show it in advance), nor is it in islands of
+ * more than 128 springs, until the first contact: from there on steps are short. `explain` reports
+ * that. No bit of the motion depends on any of this. */
 #ifndef MS_ERROR_GROWTH_H
 #define MS_ERROR_GROWTH_H
 

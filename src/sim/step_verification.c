@@ -301,15 +301,15 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
   msim_status status = ms_island_step_make_substeps(sim, sim->config.integrator, s, 1, err);
   if (status && !ms_island_step_may_retry(status)) return status;
   const int has_event = !status && has_events(m, contacts);
-  const double allowed =
-      has_event ? fmax(usual, sim->config.choice.tol / MS_EVENTS_PER_RUN) : usual;
-  const double better = has_event ? 1 : ldexp(1, sim->config.integrator->entry.order) - 1;
   const int only_events = sim->config.choice.verification.only_events;
   if (!status && !has_event && (only_events || !needs_verification(sim, m, sign))) return MSIM_OK;
   if (!status)
     status = repeat_in_half_steps(sim, s, &sim->config.choice.verification.scales, contacts, &error,
                                   err);
   error = status ? INFINITY : sqrt(error);
+  const double allowed =
+      has_event ? fmax(usual, sim->config.choice.tol / MS_EVENTS_PER_RUN) : usual;
+  const double better = has_event ? 1 : ldexp(1, sim->config.integrator->entry.order) - 1;
   const double enough = fmax(allowed, fmin(better * allowed, sim->config.choice.tol / 4));
   check->verify_next = !(error <= allowed);
   if (!(error <= enough) && m->model.single) {
