@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "auto_scenes.h"
+#include "checkpoints.h"
 #include "methods/methods.h"
 #include "methods/rkc.h"
 
@@ -96,8 +97,19 @@ static void ropes_keep_tol(void **state) {
     }
 }
 
+/* 62 steps, the last ones in substeps of rkc */
+static void resumed_runs_are_the_same(void **state) {
+  (void)state;
+  const int64_t at[] = {1, 20, 40, 55};
+  msim_scene *scene = swinging_rope(147, 5600, 22);
+  const msim_options opt = options_of("auto", 0.05, 0.28);
+  expect_resumable(scene, &opt, 62, 4, at, "rkc");
+  msim_scene_destroy(scene);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(long_steps_have_enough_stages),
-                                     cmocka_unit_test(ropes_keep_tol)};
+                                     cmocka_unit_test(ropes_keep_tol),
+                                     cmocka_unit_test(resumed_runs_are_the_same)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
