@@ -105,6 +105,7 @@ static int is_for_damping(int i) {
 /* Why a candidate is rejected whose steps damping limits. With few stages the others under error
  * control cost less than rkc. Order 2 is sufficient for a large tol: other trials are wasted. */
 static int find_damping_rejection(const ms_pilot_run *p, int i) {
+  enum { MANY_STAGES = 7 };
   const double least_tol = i == LOW_ORDER_CONTROLLED ? 0.03 : i == STABILISED_CONTROLLED ? 1e-4 : 0;
   const ms_integrator *method = candidate_method(p, i);
   const double reach = ms_pilot_run_stable_step(p, method);
@@ -114,7 +115,8 @@ static int find_damping_rejection(const ms_pilot_run *p, int i) {
   if (p->planes_count) return MS_REASON_TRIAL_TOO_EXPENSIVE;
   if (!ms_pilot_run_is_limited_by_damping(p)) return MS_REASON_WEAKLY_DAMPED;
   if (p->tol < least_tol) return MS_REASON_LOW_ORDER;
-  if (i == STABILISED_CONTROLLED && !ms_pilot_run_has_many_stages(p)) return MS_REASON_FEW_STAGES;
+  if (i == STABILISED_CONTROLLED && method->stages(reach, p->bounds) < MANY_STAGES)
+    return MS_REASON_FEW_STAGES;
   if (is_relaxed(i) && !ms_control_trial_may_relax(p, method)) return MS_REASON_NOT_RELAXED;
   return MS_REASON_NONE;
 }

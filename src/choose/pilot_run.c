@@ -46,11 +46,6 @@ int ms_pilot_run_is_limited_by_damping(const ms_pilot_run *p) {
   return p->damped && p->bounds.rate >= p->bounds.omega;
 }
 
-int ms_pilot_run_has_many_stages(const ms_pilot_run *p) {
-  enum { MANY = 7 };
-  return ms_rkc.stages(ms_pilot_run_stable_step(p, &ms_rkc), p->bounds) >= MANY;
-}
-
 /*------------------------------------- states ---------------------------------------------------*/
 
 static size_t component_count(const ms_pilot_run *p) {

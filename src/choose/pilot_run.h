@@ -68,10 +68,6 @@ void ms_pilot_run_end(ms_pilot_run *p);
 /* 1: forces depend on velocities, and damping, not frequencies, limits steps. */
 int ms_pilot_run_is_limited_by_damping(const ms_pilot_run *p);
 
-/* 1: damping is so strong that the longest stable steps of rkc have many stages. Such steps may
- * become unstable (step_verification.h). */
-int ms_pilot_run_has_many_stages(const ms_pilot_run *p);
-
 /* 0.9 of the longest stable step, s; INFINITY: any is stable. */
 double ms_pilot_run_stable_step(const ms_pilot_run *p, const ms_integrator *method);
 

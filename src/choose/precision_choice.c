@@ -90,9 +90,7 @@ int ms_precision_choice_takes(const ms_candidate *c) {
          ms_precision_supports_method(c->method);
 }
 
-/* Steps of many stages may have to be divided under error control, which needs doubles. */
 int ms_precision_choice_allows(const ms_pilot_run *p, const ms_candidate *c) {
-  if (c->method->stages && ms_pilot_run_has_many_stages(p)) return 0;
   return p->single_error <= p->tol / 4 && ms_precision_choice_takes(c);
 }
 

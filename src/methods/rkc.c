@@ -134,14 +134,16 @@ static msim_status rkc_step(ms_stepper *s, msim_error *err) {
  * step that needs more stages than there may be is NaN, as it amplifies rounding errors. */
 static void rkc_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   (void)which;
-  const double one = s->h > longest_step(&s->bounds) ? NAN : 1;
-  const double w[] = {0.8 * one, -0.8 * one, 0.4 * s->h * one, 0.4 * s->h * one};
-  const double *const x[] = {s->x, s->x_next, s->v, s->v_next};
-  const double *const v[] = {s->v, s->v_next, s->work[A0], s->work[V]};
+  const ms_shape shape = s->model->state_shape;
+  const double factor = s->h > longest_step(&s->bounds) ? NAN : 0.8;
   s->c = 1;
   ms_stepper_acceleration(s, s->x_next, s->v_next, s->work[V]);
-  ms_vector_linear_combination(s->model->state_shape, NULL, 4, w, x, dx);
-  ms_vector_linear_combination(s->model->state_shape, NULL, 4, w, v, dv);
+  ms_vector_add_two_scaled(shape, s->x, -1, s->x_next, s->h / 2, s->v, dx);
+  ms_vector_axpy(shape, s->h / 2, s->v_next, dx);
+  ms_vector_scale(shape, factor, dx);
+  ms_vector_add_two_scaled(shape, s->v, -1, s->v_next, s->h / 2, s->work[A0], dv);
+  ms_vector_axpy(shape, s->h / 2, s->work[V], dv);
+  ms_vector_scale(shape, factor, dv);
 }
 
 /* h w^2 <= MS_RKC_STRIP g for every mode (rkc.h). */

@@ -1,5 +1,6 @@
 #include "sim/step_verification.h"
 
+#include <float.h>
 #include <math.h>
 
 #include "base/simd.h"
@@ -55,23 +56,25 @@ static double mass_norm(ms_stepper *s, const double *d, double scale, const ms_s
   return sqrt(ms_vector_dot(shape, d, s->scratch) / (2 * scales->mass)) / scale;
 }
 
-/* The method's own estimate of the error of that step. It grows with what makes a step unstable. */
+/* The method's own estimate of the error of that step, in both precisions, without masses. It grows
+ * with what makes a step unstable. */
 static double find_estimate_norm(const ms_integrator *method, ms_stepper *s,
                                  const ms_scales *scales) {
+  const ms_shape shape = s->model->state_shape;
   double *dx = s->x_spare[0], *dv = s->v_spare[0];
   method->estimate(s, 0, dx, dv);
-  return hypot(mass_norm(s, dx, scales->extent, scales), mass_norm(s, dv, scales->speed, scales));
+  const double x2 = ms_vector_dot(shape, dx, dx), v2 = ms_vector_dot(shape, dv, dv);
+  return hypot(sqrt(x2) / scales->extent, sqrt(v2) / scales->speed) / sqrt(2. * shape.n);
 }
 
 /* |D| of the step from x to x_next, not yet accepted, or of rkc its estimate; 0 if the method has
- * neither, or in single precision, as rounding of a is larger */
+ * neither. In single precision rounding of a is larger than D. */
 static double find_defect_norm(const ms_integrator *method, ms_stepper *s,
                                const ms_scales *scales) {
   const ms_shape shape = s->model->state_shape;
   const double h = s->h, w[] = {-1, -h / 2, -h / 2, -h * h / 12, h * h / 12};
-  if (shape.single) return 0;
   if (method == &ms_rkc) return find_estimate_norm(method, s, scales);
-  if (!ms_control_is_supported(method) || method->carried != 1) return 0;
+  if (!ms_control_is_supported(method) || method->carried != 1 || shape.single) return 0;
   const double *a = s->work[s->cached_stage == 2], *a_next = s->work[s->cached_stage != 2];
   const double *const x[] = {s->x, s->v, s->v_next, a, a_next};
   ms_vector_linear_combination(shape, s->x_next, 5, w, x, s->x_spare[0]);
@@ -169,11 +172,13 @@ static int has_events(const ms_island_sim *m, int64_t contacts) {
 
 /* 1: the step just made has to be verified, because it is its turn or by its indicators, sign[]. In
  * a large island D costs a quarter of an evaluation, the angles three: they are found only if it is
- * the step's turn. In a small one both cost about one, and are found once in some 8 evaluations. */
+ * the step's turn. In a small one both cost about one, and are found once in some 8 evaluations.
+ * The estimate of rkc costs one, and is found once in some 16. */
 static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign[2]) {
   enum { WORTH = 8 }; /* evaluations */
   const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
-               ROUNDING = 100 * sim->config.choice.verification.scales.rounding;
+               ROUNDING = m->model.single ? 16 * FLT_EPSILON
+                                          : 100 * sim->config.choice.verification.scales.rounding;
   const int64_t step = sim->run.step + 1 - sim->run.step0;
   const int is_large = m->model.shape.n >= LARGE;
   const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
