@@ -98,8 +98,8 @@ static int is_order_two(int i) { return i == LEAPFROG_METHOD || i == WITH_VELOCI
 static int is_controlled(int i) { return candidate_list[i].control_tol > 0; }
 static int is_relaxed(int i) { return candidate_list[i].control_tol > 1; }
 static int is_for_damping(int i) {
-  const int is_controlled_one = i >= STABILISED_CONTROLLED && i <= LOW_ORDER_CONTROLLED;
-  return i == STABILISED || is_controlled_one || is_relaxed(i);
+  return i == STABILISED || i == STABILISED_CONTROLLED || i == DAMPING_CONTROLLED ||
+         i == LOW_ORDER_CONTROLLED || is_relaxed(i);
 }
 
 /* Why a candidate is rejected whose steps damping limits. With few stages the others under error
