@@ -23,8 +23,8 @@ static void drop(double e, double g, double t, double *z, double *vz, int *bounc
   *vz = up - g * (t - start);
 }
 
-/* 10 bounces in closed form, at any position in their steps, but for the rounding of 348 steps of
- * up to 12 stages; then exact rest, in which steps are skipped */
+/* 10 bounces in closed form, at any position in their steps; then exact rest, in which steps are
+ * skipped. Ten stages of ssprk102 in each of 348 steps round v more often. */
 static void ball_bounces_in_closed_form_and_rests(void **state) {
   (void)state;
   const double x[3] = {0.3, 0, 1}, v[3] = {0.5, 0, 0}, g = 9.81, h = 0.0103;
@@ -34,6 +34,7 @@ static void ball_bounces_in_closed_form_and_rests(void **state) {
     plane(scene, 0, 0, 1, 0, 0.8, 0);
     msim_options opt = event_options(event_method_at(m), h);
     msim_sim *sim = make_sim(scene, &opt);
+    const double rounding = strcmp(opt.integrator, "ssprk102") == 0 ? 2e-13 : 1e-13;
     double z, vz;
     int bounces;
     for (int i = 1; i <= 348; i++) {
@@ -41,7 +42,7 @@ static void ball_bounces_in_closed_form_and_rests(void **state) {
       const msim_state s = state_of(sim);
       drop(0.8, g, s.t, &z, &vz, &bounces);
       assert_close(s.x[2], z, 1e-13);
-      assert_close(s.v[2], vz, 2e-13);
+      assert_close(s.v[2], vz, rounding);
       assert_close(s.x[0], 0.3 + 0.5 * s.t, 1e-13);
     }
     assert_int_equal(bounces, 10);

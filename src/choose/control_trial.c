@@ -42,8 +42,13 @@ static double longest_time(const ms_pilot_run *p) {
   return p->mid_run ? p->span / MS_TRIALS_AT_PLANES : fmax(p->duration, p->span / 16) / 4;
 }
 
+/* 1: a trial has to last that long, as few steps do not show what the others cost. */
+static int needs_time(const ms_pilot_run *p, const ms_candidate *c) {
+  return p->planes_count || c->method == &ms_rkc;
+}
+
 double ms_control_trial_steps(const ms_pilot_run *p, const ms_candidate *c) {
-  if (p->planes_count || c->method == &ms_rkc) return longest_time(p) / c->h;
+  if (needs_time(p, c)) return longest_time(p) / c->h;
   return is_relaxed(p, c) ? 3 * STEPS + 2 * MS_DECAY_STEPS : STEPS;
 }
 
@@ -108,7 +113,7 @@ msim_status ms_control_trial_make(ms_pilot_run *p, double least, ms_candidate *c
   const int has_sums = c->method == &ms_dop853 || c->method == &ms_rk6;
   const double SUMS = has_sums ? 13. / 12 : 1;
   const double t = longest_time(p), longest = c->h;
-  const double steps = p->planes_count || c->method == &ms_rkc ? INFINITY : STEPS;
+  const double steps = needs_time(p, c) ? INFINITY : STEPS;
   const ms_trial of = {
       .method = c->method, .collision = c->collision, .tol = c->control_tol, .h = fmin(c->h, t)};
   msim_sim *trial;

@@ -60,14 +60,13 @@ static double normalize(ms_island_sim *m) {
 
 /* 1: the whole run would take too many. Their number is known under fixed steps. */
 static int is_run_too_expensive(const msim_sim *sim) {
+  const ms_candidate *best = ms_choice_best(&sim->config.choice);
   const double span = ms_plan_span(&sim->config.plan);
-  double sum = 0, others = 0;
-  if (!ms_sim_selects(sim) || ms_choice_best(&sim->config.choice)->control_tol > 0) return 0;
-  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+  double sum = 0;
+  if (!ms_sim_selects(sim) || best->control_tol > 0) return 0;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     if (m->disturbance.dx) sum += 2 * span / m->disturbance.stride;
-    others += span / sim->run.h * ms_choice_best(&sim->config.choice)->step_cost;
-  }
-  return sum > FREE + MOST * others;
+  return sum > FREE + MOST * sim->nislands * span / sim->run.h * best->step_cost;
 }
 
 void ms_error_growth_start(msim_sim *sim) {

@@ -15,10 +15,10 @@
  * three times as large as in steps verified before, where a spring turned by 45 degrees, and once
  * in MS_VERIFICATION_INTERVAL steps. With planes near, it is done for each step in which particles
  * stop, slip or turn on individual paths that may be too inaccurate, or at least one in 64 bounces
- * (in large scenes a few always do); such steps may differ from their halves by tol/16. Impacts of
- * many particles on the paths of velocity Verlet have errors of its order 2, as its trial predicts:
- * nothing is verified. Reflection at the ends of steps is of order 1: half steps do not show its
- * error.
+ * (in large scenes a few always do); such steps may differ from two half steps by tol/16. Impacts
+ * of many particles on the paths of velocity Verlet have errors of its order 2, as its trial
+ * predicts: nothing is verified. Reflection at the ends of steps is of order 1: half steps do not
+ * show its error.
  *
  * The allowed difference of whole and half steps leads to tol at the end of the run if all steps
  * have it: the difference at the choice, times tol over the error predicted there; as errors cancel
