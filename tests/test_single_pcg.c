@@ -5,6 +5,8 @@
 
 #include "checkpoints.h"
 #include "linear/jacobi.h"
+#include "linear/pcg.h"
+#include "base/simd.h"
 #include "rank_scenes.h"
 #include "two_level.h"
 
@@ -301,6 +303,33 @@ static void what_is_pinned_stays_at_rest(void **state) {
   }
 }
 
+/* Entries that a cache cannot hold are fetched from memory before they are used (lanes.h). */
+static void many_entries_have_the_same_product(void **state) {
+  (void)state;
+  for (int s = 0; s < 2 * SCENES; s++) {
+    msim_scene *scene = scene_of(s / 2);
+    msim_options opt = two_level_in(s % 2 ? MSIM_PRECISION_SINGLE : MSIM_PRECISION_DOUBLE);
+    msim_sim *sim = make_two_level_sim(scene, &opt, 0);
+    assert_ok(msim_sim_step(sim, 1, err));
+    const ms_pcg *pcg = (const void *)sim->islands->stepper.solver->linear;
+    ms_half_edges *half_edges = &sim->islands->model.half_edges;
+    const int32_t n = half_edges->nentries;
+    const size_t bytes = sizeof(float) * (size_t)sim->islands->model.unknowns.nfree;
+    double few, many;
+    pcg->kernels->apply(pcg, 0, half_edges->nslices, &few);
+    void *q = memcpy(malloc(bytes), pcg->q, bytes);
+    memset(pcg->q, 0, bytes);
+    half_edges->nentries = MS_CACHE; /* a fiction */
+    pcg->kernels->apply(pcg, 0, half_edges->nslices, &many);
+    half_edges->nentries = n;
+    assert_true(few > 0 && few == many);
+    assert_memory_equal(q, pcg->q, bytes);
+    free(q);
+    msim_sim_destroy(sim);
+    msim_scene_destroy(scene);
+  }
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {cmocka_unit_test(every_tolerance_is_met),
                                      cmocka_unit_test(floats_delay_it_little),
@@ -311,6 +340,7 @@ int main(void) {
                                      cmocka_unit_test(threads_change_no_bit),
                                      cmocka_unit_test(runs_resume_to_the_bit),
                                      cmocka_unit_test(any_solver_serves),
-                                     cmocka_unit_test(what_is_pinned_stays_at_rest)};
+                                     cmocka_unit_test(what_is_pinned_stays_at_rest),
+                                     cmocka_unit_test(many_entries_have_the_same_product)};
   return cmocka_run_group_tests_name("single_pcg", tests, NULL, NULL);
 }

@@ -81,6 +81,17 @@ static inline ms_lanes ms_simd_load(const ms_real *from) {
 
 static inline void ms_simd_store(ms_real *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
 
+/* A sweep over more bytes than that reads them from memory each time. As prefetchers of processors
+ * stop at the ends of pages, and fall behind, it then fetches some pages ahead itself. */
+enum { MS_CACHE = 8 << 20 };
+
+/* Fetch the cache lines of so many bytes that far ahead of `from`, if there are any. */
+static inline void ms_simd_prefetch(const void *from, size_t bytes, size_t ahead) {
+  enum { LINE = 64 };
+  for (size_t at = 0; at < bytes; at += LINE)
+    __builtin_prefetch((const void *)((uintptr_t)from + ahead + at));
+}
+
 /* from and to doubles, whatever the lanes hold */
 static inline ms_lanes ms_simd_load_doubles(const double *from) {
   ms_doubles v;

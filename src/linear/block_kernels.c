@@ -70,13 +70,17 @@ static void times_transpose(size_t n, double *a, const double *b, float *rounded
 
 /*------------------------------------- solves ---------------------------------------------------*/
 
-/* x_k = L_kk^-1 x_k, then x_row -= L_row,k x_k for the other rows of column k */
-MS_INLINE void forward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
+enum { AHEAD = 16 /* blocks */ };
+
+/* x_k = L_kk^-1 x_k, then x_row -= L_row,k x_k for the other rows of column k. many: the factor
+ * exceeds MS_CACHE */
+MS_INLINE void forward(size_t n, int many, const ms_block_cholesky *chol, int32_t k, double *x) {
   const int32_t begin = chol->first[k], end = chol->first[k + 1];
   double xk[MS_BLOCK_CHOLESKY_MAX_BLOCK];
   for (int32_t b = begin; b < end; b++) {
     const float *l = chol->factor + n * n * (size_t)b;
     double *y = x + n * (size_t)chol->row[b];
+    if (many) ms_simd_prefetch(l, n * n * sizeof *l, AHEAD * n * n * sizeof *l);
     ms_quad sum[MOST_QUADS];
     for (size_t q = 0; q < n / 4; q++) sum[q] = (ms_quad){0};
     for (size_t c = 0; c < n; c++) {
@@ -98,13 +102,16 @@ MS_INLINE void add_transposed(size_t n, const float *l, const double *y, ms_quad
 }
 
 /* x_k = L_kk^-T (x_k - sum of L_row,k^T x_row) */
-MS_INLINE void backward(size_t n, const ms_block_cholesky *chol, int32_t k, double *x) {
+MS_INLINE void backward(size_t n, int many, const ms_block_cholesky *chol, int32_t k, double *x) {
   const size_t area = n * n;
   ms_quad sums[MS_BLOCK_CHOLESKY_MAX_BLOCK];
   double *xk = x + n * (size_t)k;
   for (size_t c = 0; c < n; c++) sums[c] = (ms_quad){0};
-  for (int32_t b = chol->first[k] + 1; b < chol->first[k + 1]; b++)
-    add_transposed(n, chol->factor + area * (size_t)b, x + n * (size_t)chol->row[b], sums);
+  for (int32_t b = chol->first[k] + 1; b < chol->first[k + 1]; b++) {
+    const float *l = chol->factor + area * (size_t)b;
+    if (many && b >= AHEAD) ms_simd_prefetch(l - AHEAD * area, area * sizeof *l, 0);
+    add_transposed(n, l, x + n * (size_t)chol->row[b], sums);
+  }
   double y[MS_BLOCK_CHOLESKY_MAX_BLOCK];
   for (size_t c = 0; c < n; c += 4)
     ms_simd_store_quad(y + c,
@@ -117,8 +124,9 @@ MS_INLINE void backward(size_t n, const ms_block_cholesky *chol, int32_t k, doub
 }
 
 MS_INLINE void solve_of(size_t n, const ms_block_cholesky *chol, double *x) {
-  for (int32_t k = 0; k < chol->n; k++) forward(n, chol, k, x);
-  for (int32_t k = chol->n - 1; k >= 0; k--) backward(n, chol, k, x);
+  const int many = sizeof(float) * n * n * (size_t)chol->first[chol->n] > MS_CACHE;
+  for (int32_t k = 0; k < chol->n; k++) forward(n, many, chol, k, x);
+  for (int32_t k = chol->n - 1; k >= 0; k--) backward(n, many, chol, k, x);
 }
 
 static void block_solve(const ms_block_cholesky *chol, double *x) {

@@ -24,15 +24,19 @@ static inline double total_lanes(const lane_sums *s) { return ms_vector_sum_lane
 
 /*------------------------------------- apply ----------------------------------------------------*/
 
+/* Bytes of the coefficients of an entry */
+static const size_t ENTRY = 4 * MS_SLICE * sizeof(float);
+
 /* q += sum of (t I + w w^T) (p_i - p_j) over the half-edges of a slice range, for one register of
- * lanes; p: of these unknowns */
-MS_INLINE void add_half_edges(size_t dims, const ms_pcg *s, int32_t range, size_t lane,
+ * lanes; p: of these unknowns. many: all coefficients have more than MS_CACHE bytes */
+MS_INLINE void add_half_edges(size_t dims, int many, const ms_pcg *s, int32_t range, size_t lane,
                               const ms_lanes p[3], ms_lanes q[3]) {
   const ms_half_edges *half_edges = &s->base.system->model->half_edges;
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   const ms_real *vec = s->p;
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
     const float *a = s->coefficients + 4 * MS_SLICE * (size_t)entry + lane;
+    if (many && lane == 0) ms_simd_prefetch(a, ENTRY, MS_AHEAD * ENTRY);
     const ms_lanes t = ms_simd_load_floats(a);
     const ms_lane_vectors other =
         ms_load_neighbours((int)dims, half_edges, entry, lane, vec, stride);
@@ -46,7 +50,7 @@ MS_INLINE void add_half_edges(size_t dims, const ms_pcg *s, int32_t range, size_
   }
 }
 
-MS_INLINE void apply_slices_of(size_t dims, const ms_pcg *s, int32_t begin, int32_t end,
+MS_INLINE void apply_slices_of(size_t dims, int many, const ms_pcg *s, int32_t begin, int32_t end,
                                double *sum) {
   const size_t stride = (size_t)s->base.system->model->unknowns.stride;
   const ms_real *from = s->p;
@@ -61,7 +65,7 @@ MS_INLINE void apply_slices_of(size_t dims, const ms_pcg *s, int32_t begin, int3
         p[c] = ms_simd_load(from + c * stride + row);
         q[c] = inertia * p[c];
       }
-      add_half_edges(dims, s, g, lane, p, q);
+      add_half_edges(dims, many, s, g, lane, p, q);
       for (size_t c = 0; c < dims; c++) {
         ms_simd_store(to + c * stride + row, q[c]);
         dot += p[c] * q[c];
@@ -86,7 +90,7 @@ MS_INLINE void apply_split_rows_of(size_t dims, const ms_pcg *s, double *sum) {
       const ms_lanes zero = {0};
       ms_lanes p[3], q[3] = {zero, zero, zero};
       for (size_t c = 0; c < dims; c++) p[c] = zero + from[c * stride + row];
-      add_half_edges(dims, s, half_edges->nslices + part, lane, p, q);
+      add_half_edges(dims, 0, s, half_edges->nslices + part, lane, p, q);
       /* cppcheck-suppress legacyUninitvar; an address is no read */
       for (size_t c = 0; c < dims; c++) ms_simd_store_doubles(sums[c].lane + lane, q[c]);
     }
@@ -99,8 +103,11 @@ MS_INLINE void apply_split_rows_of(size_t dims, const ms_pcg *s, double *sum) {
 }
 
 static void apply_slices(const ms_pcg *s, int32_t begin, int32_t end, double *sum) {
-  if (s->base.system->model->unknowns.dims == 3) apply_slices_of(3, s, begin, end, sum);
-  else apply_slices_of(2, s, begin, end, sum);
+  const ms_model *m = s->base.system->model;
+  const int many = ENTRY * (size_t)m->half_edges.nentries > MS_CACHE;
+  if (m->unknowns.dims == 3 && many) apply_slices_of(3, 1, s, begin, end, sum);
+  else if (m->unknowns.dims == 3) apply_slices_of(3, 0, s, begin, end, sum);
+  else apply_slices_of(2, many, s, begin, end, sum);
 }
 
 static void apply_split_rows(const ms_pcg *s, double *sum) {

@@ -197,8 +197,11 @@ MS_INLINE edge_lanes multiply_element(int dims, const double *e, edge_lanes x) {
 
 MS_INLINE double multiply_of(int dims, int single, const ms_model *m, const double *elements,
                              const void *x, int32_t begin, int32_t end) {
+  const size_t size = MS_SLICE * MS_ANGLE_ELEMENT * sizeof *elements, ahead = 8 * size;
+  const int many = size / MS_SLICE * (size_t)m->angles.nslots > MS_CACHE;
   double sums[MS_SLICE] = {0};
-  for (size_t first = (size_t)begin; first < (size_t)end; first += MS_SLICE)
+  for (size_t first = (size_t)begin; first < (size_t)end; first += MS_SLICE) {
+    if (many) ms_simd_prefetch(elements + MS_ANGLE_ELEMENT * first, size, ahead);
     for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
       const edge_lanes edge = load_edges(dims, single, m, first + lane, x);
       const edge_lanes y = multiply_element(dims, elements + MS_ANGLE_ELEMENT * first + lane, edge);
@@ -206,6 +209,7 @@ MS_INLINE double multiply_of(int dims, int single, const ms_model *m, const doub
       ms_simd_store(sums + lane,
                     ms_simd_load(sums + lane) + (dot(dims, edge.p, y.p) + dot(dims, edge.q, y.q)));
     }
+  }
   return ms_vector_sum_lanes(sums);
 }
 

@@ -30,8 +30,8 @@ MS_INLINE spring_lanes load_springs(int damped, const ms_model *m, size_t at) {
       .damping = damped ? ms_simd_load(SPRINGS_OF(m)->DAMPING + at) : (ms_lanes){0}};
 }
 
-/* sum + the forces of a slice range's springs on its own rows */
-MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms_model *m,
+/* sum + the forces of a slice range's springs on its own rows. many: as has_many_springs() */
+MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, int many, const ms_model *m,
                                             int32_t range, ms_slice_range p, size_t lane,
                                             const ms_real *x, const ms_real *v,
                                             ms_lane_vectors sum) {
@@ -41,6 +41,9 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, const ms
   const ms_lane_vectors vi = kind == DAMPED ? ms_load_own(dims, p, lane, v, stride) : xi;
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
     const size_t at = (size_t)half_edges->entry[entry].value + lane;
+    if (many && lane == 0)
+      prefetch_springs(half_edges, entry, SPRINGS_OF(m)->k, SPRINGS_OF(m)->REST,
+                       kind == DAMPED ? SPRINGS_OF(m)->DAMPING : NULL);
     const ms_lane_vectors d = ms_subtract_neighbours(dims, half_edges, entry, lane, x, stride, xi);
     const ms_lane_vectors dv =
         kind == DAMPED ? ms_subtract_neighbours(dims, half_edges, entry, lane, v, stride, vi) : vi;
@@ -94,24 +97,24 @@ MS_INLINE ms_lane_vectors sum_other_forces(int dims, spring_kind kind, const ms_
 }
 
 /* Compute the results of a slice. Returns where they may be bad. */
-MS_INLINE ms_mask step_slice(int dims, spring_kind kind, const ms_model *m,
+MS_INLINE ms_mask step_slice(int dims, spring_kind kind, int many, const ms_model *m,
                              const ms_external *external, const ms_fused_step *p, int32_t slice) {
   const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
   ms_mask bad = {0};
   for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
     ms_lane_vectors f = sum_other_forces(dims, kind, m, external, p, own, lane);
-    if (kind != LAWS) f = add_spring_forces(dims, kind, m, slice, own, lane, p->x, p->v, f);
+    if (kind != LAWS) f = add_spring_forces(dims, kind, many, m, slice, own, lane, p->x, p->v, f);
     bad |= check(update(dims, m, own.row + lane, f, p));
   }
   return bad;
 }
 
-MS_INLINE int step_slices_of(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
-                             int32_t begin, int32_t end) {
+MS_INLINE int step_slices_of(int dims, spring_kind kind, int many, const ms_model *m,
+                             const ms_fused_step *p, int32_t begin, int32_t end) {
   const ms_external external = m->external; /* local, as results could alias the model */
   ms_mask bad = {0};
   for (int32_t slice = begin; slice < end; slice++)
-    bad |= step_slice(dims, kind, m, &external, p, slice);
+    bad |= step_slice(dims, kind, many, m, &external, p, slice);
   return is_nowhere(bad);
 }
 
@@ -121,7 +124,7 @@ MS_INLINE void sum_part_of(int dims, spring_kind kind, const ms_model *m, const 
   const ms_slice_range own = ms_slice_range_at(&m->half_edges, range, NULL, 0);
   for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
     ms_lane_vectors sum = {{{0}}};
-    sum = add_spring_forces(dims, kind, m, range, own, lane, p->x, p->v, sum);
+    sum = add_spring_forces(dims, kind, 0, m, range, own, lane, p->x, p->v, sum);
     for (int c = 0; c < dims; c++)
       ms_simd_store_doubles(own.sums + (size_t)c * own.stride + lane, sum.c[c]);
   }
@@ -133,24 +136,27 @@ static spring_kind find_spring_kind(const ms_model *m, const ms_fused_step *p) {
   return p->v && (m->features & MS_HAS_DAMPING) ? DAMPED : UNDAMPED;
 }
 
+MS_INLINE int step_slices_in(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
+                             int32_t begin, int32_t end) {
+  const int many = has_many_springs(m);
+  if (kind == LINEAR) return step_slices_of(dims, LINEAR, 0, m, p, begin, end);
+  if (kind == LAWS) return step_slices_of(dims, LAWS, 0, m, p, begin, end);
+  if (kind == UNDAMPED && many) return step_slices_of(dims, UNDAMPED, 1, m, p, begin, end);
+  if (kind == UNDAMPED) return step_slices_of(dims, UNDAMPED, 0, m, p, begin, end);
+  if (many) return step_slices_of(dims, DAMPED, 1, m, p, begin, end);
+  return step_slices_of(dims, DAMPED, 0, m, p, begin, end);
+}
+
 static int step_slices_alone(const ms_model *m, const ms_fused_step *p, spring_kind kind,
                              int32_t begin, int32_t end) {
-  if (m->unknowns.dims == 2) {
-    if (kind == LINEAR) return step_slices_of(2, LINEAR, m, p, begin, end);
-    if (kind == UNDAMPED) return step_slices_of(2, UNDAMPED, m, p, begin, end);
-    if (kind == LAWS) return step_slices_of(2, LAWS, m, p, begin, end);
-    return step_slices_of(2, DAMPED, m, p, begin, end);
-  }
-  if (kind == LINEAR) return step_slices_of(3, LINEAR, m, p, begin, end);
-  if (kind == UNDAMPED) return step_slices_of(3, UNDAMPED, m, p, begin, end);
-  if (kind == LAWS) return step_slices_of(3, LAWS, m, p, begin, end);
-  return step_slices_of(3, DAMPED, m, p, begin, end);
+  return m->unknowns.dims == 2 ? step_slices_in(2, kind, m, p, begin, end)
+                               : step_slices_in(3, kind, m, p, begin, end);
 }
 
 static int step_slices(const ms_model *m, const ms_fused_step *p, int32_t begin, int32_t end) {
   const spring_kind kind = find_spring_kind(m, p);
-#ifdef MS_HAS_SLICE_PAIRS
-  if (kind == UNDAMPED || kind == DAMPED) {
+#ifdef MS_HAS_SLICE_PAIRS /* they read springs from two places, which takes longer from memory */
+  if ((kind == UNDAMPED || kind == DAMPED) && !has_many_springs(m)) {
     const int32_t paired = begin + (end - begin) / 2 * 2;
     const int good = ms_slice_pairs_step(m, p, kind == DAMPED, begin, paired);
     return step_slices_alone(m, p, kind, paired, end) && good;

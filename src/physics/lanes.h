@@ -73,6 +73,9 @@ MS_INLINE ms_lane_vectors ms_subtract_neighbours(int dims, const ms_half_edges *
   return own;
 }
 
+/* Sweeps over more than MS_CACHE bytes fetch what they need for an entry so many entries before. */
+enum { MS_AHEAD = 64 };
+
 /* The rows of a slice range, and the destination of its sums. */
 typedef struct ms_slice_range {
   size_t row;    /* of lane 0 */

@@ -25,6 +25,24 @@ typedef struct spring_lanes {
   ms_lanes k, rest, damping;
 } spring_lanes;
 
+/* 1: k and rest of springs that are not alike have more bytes than MS_CACHE. */
+MS_INLINE int has_many_springs(const ms_model *m) {
+  return 2 * sizeof(ms_real) * m->half_edges.nvalues > MS_CACHE;
+}
+
+/* Of the entry MS_AHEAD later. damping: nullable */
+MS_INLINE void prefetch_springs(const ms_half_edges *half_edges, int32_t entry, const ms_real *k,
+                                const ms_real *rest, const ms_real *damping) {
+  const size_t values = MS_SLICE * sizeof(ms_real), neighbours = MS_SLICE * sizeof(int32_t);
+  const ms_half_edge_entry at = half_edges->entry[entry];
+  ms_simd_prefetch(k + at.value, values, MS_AHEAD * values);
+  ms_simd_prefetch(rest + at.value, values, MS_AHEAD * values);
+  if (damping) ms_simd_prefetch(damping + at.value, values, MS_AHEAD * values);
+  if (at.start < 0)
+    ms_simd_prefetch(ms_half_edges_scattered(half_edges, at.start), neighbours,
+                     MS_AHEAD * neighbours);
+}
+
 /* What times d is the force of a spring (spring_law.h), the same for -d and -dv. l^2 is at least
  * the least normal number, MS_MIN_LENGTH2 of doubles, so that d = 0 has force 0. Little has to wait
  * for the root and the division, so that those of more springs overlap. */
