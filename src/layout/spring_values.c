@@ -12,14 +12,13 @@ typedef struct entry_values {
 static void read_entry(const ms_scene *scene, const ms_springs *springs,
                        const ms_half_edges *half_edges, int32_t entry, entry_values *to) {
   const int32_t *spring = half_edges->spring + MS_SLICE * (size_t)entry;
-  *to = (entry_values){0};
   for (int lane = 0; lane < MS_SLICE; lane++) {
-    if (spring[lane] < 0) continue;
-    const int32_t e = ms_springs_number(springs, spring[lane]);
-    to->stiffness[lane] = ms_scene_stiffness(scene, e);
+    const int is_there = spring[lane] >= 0;
+    const int32_t e = is_there ? ms_springs_number(springs, spring[lane]) : 0;
+    to->stiffness[lane] = is_there ? ms_scene_stiffness(scene, e) : 0;
     to->k[lane] = ms_scene_law(scene, e) ? 0 : to->stiffness[lane];
-    to->rest[lane] = scene->rest[e];
-    to->damping[lane] = ms_scene_damping(scene, e);
+    to->rest[lane] = is_there ? scene->rest[e] : 0;
+    to->damping[lane] = is_there ? ms_scene_damping(scene, e) : 0;
   }
 }
 
