@@ -4,8 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "physics/fused_step.h"
 #include "base/simd.h"
+#include "physics/fused_step.h"
 #include "scenes.h"
 
 static const char *const sets[] = {"baseline", "avx2", "avx512"};
@@ -241,7 +241,7 @@ static void threads_agree_to_the_bit(void **state) {
   tear_down(&b);
 }
 
-/* Springs that a cache cannot hold are fetched from memory before they are used (lanes.h). */
+/* Springs that a cache cannot hold are fetched from memory before they are used (simd.h). */
 static void many_springs_have_the_same_forces(void **state) {
   (void)state;
   bench b;

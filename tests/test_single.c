@@ -5,8 +5,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "physics/fused_step.h"
 #include "base/simd.h"
+#include "physics/fused_step.h"
 #include "physics/single.h"
 #include "scenes.h"
 
@@ -229,7 +229,7 @@ static void threads_agree(void **state) {
   tear_down(&t);
 }
 
-/* AVX-512 computes two slices at once (slice_pair.h), unless springs are many (lanes.h): the same
+/* AVX-512 computes two slices at once (slice_pair.h), unless springs are many (simd.h): the same
  * bits as one by one */
 static void check_slices_alone(sweep_test *t, int isa) {
   const ms_fused_step sweep = everything(t);

@@ -3,10 +3,10 @@
  * iterations, small motions, and bits of threads and resumed runs. */
 #include <math.h>
 
+#include "base/simd.h"
 #include "checkpoints.h"
 #include "linear/jacobi.h"
 #include "linear/pcg.h"
-#include "base/simd.h"
 #include "rank_scenes.h"
 #include "two_level.h"
 
@@ -303,7 +303,7 @@ static void what_is_pinned_stays_at_rest(void **state) {
   }
 }
 
-/* Entries that a cache cannot hold are fetched from memory before they are used (lanes.h). */
+/* Entries that a cache cannot hold are fetched from memory before they are used (simd.h). */
 static void many_entries_have_the_same_product(void **state) {
   (void)state;
   for (int s = 0; s < 2 * SCENES; s++) {
