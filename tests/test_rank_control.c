@@ -62,16 +62,18 @@ static void check_control(const char *name, const msim_scene *scene, msim_option
 static void estimates_of_methods(void **state) {
   (void)state;
   msim_scene *cloth = hanging_cloth(12, 400, 0.01), *mesh = random_mesh(300, 1, 0),
-             *bent = bent_scene((chain){60, 100, 0.1, 0.05, 0});
+             *bent = bent_scene((chain){60, 100, 0.1, 0.05, 0}), *felt = hanging_cloth(12, 400, 10);
   check_control("cloth", cloth, controlled("dop853", 0, 0.05));
   check_control("mesh", mesh, controlled("dop853", 1e-8, 0.05));
   check_control("mesh", mesh, controlled("bdf2", 1e-4, 0.003));
   check_control("chain", bent, controlled("dop853", 1e-8, 0.05));
+  check_control("felt", felt, controlled("rkc", 1e-2, 0.3));
   move_corners(cloth, 12);
   check_control("moving pins", cloth, controlled("dop853", 1e-7, 0.02));
   msim_scene_destroy(cloth);
   msim_scene_destroy(mesh);
   msim_scene_destroy(bent);
+  msim_scene_destroy(felt);
 }
 
 static void step_doubling(void **state) {

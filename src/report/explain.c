@@ -403,7 +403,11 @@ static void explain_limits(const msim_sim *sim, ms_text *out) {
       b->omega, b->rate,
       sim->scene->angles.n ? "while edges of angles are as long as at the start" : "in every state",
       splits ? ", for springs with long steps" : "");
-  if (sim->config.integrator->stages)
+  if (sim->config.integrator->stages && ms_sim_has_control(sim))
+    ms_text_append(out,
+                   "              the stages of a step follow its length, and the damping rate of "
+                   "the state it starts from\n");
+  else if (sim->config.integrator->stages)
     ms_text_append(out, "              %d stages per step, chosen for that damping rate\n",
                    sim->config.integrator->stages(h, find_rough_bounds(sim)));
   if (sim->config.integrator->entry.implicit)
