@@ -83,11 +83,18 @@ static chebyshev_recurrence begin_recurrence(int32_t stages) {
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
-/* Work vectors: of stages, and B w/|w| (improve_image) */
-enum { A0, X, V, IMAGE, NWORK };
+/* Work vectors: of stages; and twice, for the present state and the next one, its acceleration and
+ * an image, B w/|w| (improve_image), which is 0 where none is known */
+enum { X, V, CARRIED, NWORK = CARRIED + 4 };
+enum { A0, IMAGE };
 
-/* cached_stage: IMAGE is that of earlier steps. */
-enum { HAS_IMAGE = 1 };
+static double *const *present_vectors(const ms_stepper *s) {
+  return s->work + CARRIED + 2 * (s->cached_stage == 2);
+}
+
+static double *const *next_vectors(const ms_stepper *s) {
+  return s->work + CARRIED + 2 * (s->cached_stage != 2);
+}
 
 /*------------------------------------- damping in the present state -----------------------------*/
 
@@ -99,11 +106,11 @@ static double find_length(ms_shape shape, const double *vec) {
 static void fill_image(ms_stepper *s) {
   const size_t n = (size_t)s->model->shape.n, stride = (size_t)s->model->shape.stride;
   const size_t end = (size_t)s->model->shape.dims * stride;
+  double *image = present_vectors(s)[IMAGE];
   for (size_t r = 0; r < n; r++) {
     uint64_t key = 0;
     for (size_t i = r; i < end; i += stride) key = ms_archive_hash(key, &s->x[i], sizeof *s->x);
-    for (size_t i = r; i < end; i += stride)
-      s->work[IMAGE][i] = ms_vector_random_entry((uint32_t)key++);
+    for (size_t i = r; i < end; i += stride) image[i] = ms_vector_random_entry((uint32_t)key++);
   }
 }
 
@@ -114,16 +121,15 @@ static void fill_image(ms_stepper *s) {
  * is more, so that rounding does not count. */
 static double improve_image(ms_stepper *s, double length) {
   const ms_shape shape = s->model->state_shape;
-  double *image = s->work[IMAGE], *v = s->v_next, *a = s->work[V];
-  const double speed =
-      fmax(find_length(shape, s->v), find_length(shape, s->work[A0]) / s->bounds.rate);
+  double *const *now = present_vectors(s), *v = s->v_next, *a = s->work[V];
+  const double speed = fmax(find_length(shape, s->v), find_length(shape, now[A0]) / s->bounds.rate);
   const double w = speed > 0 ? speed : 1;
-  ms_vector_add_scaled(shape, s->v, w / length, image, v);
+  ms_vector_add_scaled(shape, s->v, w / length, now[IMAGE], v);
   ms_stepper_acceleration(s, s->x, v, a);
   const double weights[2] = {1 / w, -1 / w};
-  ms_vector_linear_combination(shape, NULL, 2, weights, (const double *const[]){s->work[A0], a},
-                               image);
-  return find_length(shape, image);
+  ms_vector_linear_combination(shape, NULL, 2, weights, (const double *const[]){now[A0], a},
+                               now[IMAGE]);
+  return find_length(shape, now[IMAGE]);
 }
 
 /* The bounds; under error control with the damping rate of the present state. That is a half or a
@@ -135,16 +141,17 @@ static ms_bounds find_bounds(ms_stepper *s) {
   enum { LEAST_STAGES = 16 };
   const double SAFETY = 1.2, SETTLED = 1.05;
   const ms_shape shape = s->model->state_shape;
-  const int is_known = s->cached_stage == HAS_IMAGE;
+  double *image = present_vectors(s)[IMAGE];
   ms_bounds b = s->bounds;
-  s->cached_stage_next = is_known ? HAS_IMAGE : 0;
-  if (!s->one_substep || ms_rkc_count_stages(s->h, b) < LEAST_STAGES) return b;
-  if (!is_known) fill_image(s);
-  const double length = find_length(shape, s->work[IMAGE]);
-  if (is_known && SAFETY * length >= b.rate) return b;
-  const double rate = improve_image(s, length);
-  s->cached_stage_next = rate > 0 && rate < INFINITY ? HAS_IMAGE : 0;
-  if (is_known && rate <= SETTLED * length) b.rate = fmin(b.rate, SAFETY * rate);
+  if (!s->one_substep) return b;
+  if (!s->cached_stage) ms_vector_clear_all(shape, image);
+  if (ms_rkc_count_stages(s->h, b) < LEAST_STAGES) return b;
+  const double before = find_length(shape, image);
+  if (SAFETY * before >= b.rate) return b;
+  if (before == 0) fill_image(s);
+  const double rate = improve_image(s, before > 0 ? before : find_length(shape, image));
+  if (!(rate < INFINITY)) ms_vector_clear_all(shape, image);
+  else if (rate < SETTLED * before) b.rate = fmin(b.rate, SAFETY * rate);
   return b;
 }
 
@@ -155,12 +162,13 @@ static msim_status rkc_step(ms_stepper *s, msim_error *err) {
   const ms_shape shape = s->model->state_shape;
   double *xs[] = {s->x_next, s->work[X]},
          *vs[] = {s->v_next, s->work[V]}; /* the last stage is in the first pair */
-  ms_stepper_acceleration(s, s->x, s->v, s->work[A0]);
+  double *a0 = present_vectors(s)[A0]; /* under error control from the estimate of the last step */
+  if (!s->cached_stage) ms_stepper_acceleration(s, s->x, s->v, a0);
   const int32_t stages = ms_rkc_count_stages(s->h, find_bounds(s));
   chebyshev_recurrence r = begin_recurrence(stages);
   int to = (stages - 1) % 2;
   ms_vector_add_scaled(shape, s->x, r.m * s->h, s->v, xs[to]);
-  ms_vector_add_scaled(shape, s->v, r.m * s->h, s->work[A0], vs[to]);
+  ms_vector_add_scaled(shape, s->v, r.m * s->h, a0, vs[to]);
   const double *x_before = s->x, *v_before = s->v;
   double c_before = 0, c = r.m; /* times of the last two stages, by the same recurrence */
   for (int32_t j = 2; j <= stages; j++) {
@@ -169,7 +177,7 @@ static msim_status rkc_step(ms_stepper *s, msim_error *err) {
     advance_recurrence(&r);
     s->c = c;
     ms_vector_three_term(shape, s->x, r.mu, x, r.nu, x_before, r.g * s->h, s->v, xs[to]);
-    ms_vector_three_term(shape, s->v, r.mu, v, r.nu, v_before, r.g * s->h, s->work[A0], vs[to]);
+    ms_vector_three_term(shape, s->v, r.mu, v, r.nu, v_before, r.g * s->h, a0, vs[to]);
     ms_stepper_evaluate(s, &(ms_fused_step){.x = x,
                                             .v = v,
                                             .v_to = vs[to],
@@ -184,6 +192,10 @@ static msim_status rkc_step(ms_stepper *s, msim_error *err) {
     c_before = s->c;
   }
   ms_stepper_reflect(s, s->x_next, s->v_next);
+  s->cached_stage_next = 0;
+  if (!s->one_substep) return MSIM_OK;
+  ms_vector_copy(shape, present_vectors(s)[IMAGE], next_vectors(s)[IMAGE]);
+  s->cached_stage_next = s->cached_stage == 2 ? 1 : 2;
   return MSIM_OK;
 }
 
@@ -194,12 +206,14 @@ static void rkc_estimate(ms_stepper *s, int which, double *dx, double *dv) {
   const ms_shape shape = s->model->state_shape;
   const double factor = s->h > longest_step(&s->bounds) ? NAN : 0.8;
   s->c = 1;
-  ms_stepper_acceleration(s, s->x_next, s->v_next, s->work[V]);
+  const double *a0 = present_vectors(s)[A0];
+  double *a = next_vectors(s)[A0];
+  ms_stepper_acceleration(s, s->x_next, s->v_next, a);
   ms_vector_add_two_scaled(shape, s->x, -1, s->x_next, s->h / 2, s->v, dx);
   ms_vector_axpy(shape, s->h / 2, s->v_next, dx);
   ms_vector_scale(shape, factor, dx);
-  ms_vector_add_two_scaled(shape, s->v, -1, s->v_next, s->h / 2, s->work[A0], dv);
-  ms_vector_axpy(shape, s->h / 2, s->work[V], dv);
+  ms_vector_add_two_scaled(shape, s->v, -1, s->v_next, s->h / 2, a0, dv);
+  ms_vector_axpy(shape, s->h / 2, a, dv);
   ms_vector_scale(shape, factor, dv);
 }
 
@@ -214,8 +228,8 @@ const ms_integrator ms_rkc = {
                      "sqrt(h); undamped motion gains energy (Sommeijer, Shampine, Verwer 1998)",
               .order = 2},
     .nwork = NWORK,
-    .carried = 1,
-    .carried_at = IMAGE,
+    .carried = 2,
+    .carried_at = CARRIED,
     .start = rkc_start,
     .step = rkc_step,
     .estimate = rkc_estimate,
