@@ -105,7 +105,7 @@ static int is_for_damping(int i) {
 /* Why a candidate is rejected whose steps damping limits. With few stages the others under error
  * control cost less than rkc. Order 2 is sufficient for a large tol: other trials are wasted. */
 static int find_damping_rejection(const ms_pilot_run *p, int i) {
-  enum { MANY_STAGES = 7 };
+  enum { MANY_STAGES = 5 };
   const double least_tol = i == LOW_ORDER_CONTROLLED ? 0.03 : i == STABILISED_CONTROLLED ? 1e-4 : 0;
   const ms_integrator *method = candidate_method(p, i);
   const double reach = ms_pilot_run_stable_step(p, method);
