@@ -62,19 +62,19 @@ msim_status ms_control_trial_run(ms_pilot_run *p, msim_sim *trial, double t, dou
                                  double steps, ms_candidate *c, msim_error *err) {
   const double start = ms_pilot_run_count_work(trial);
   double work = 0, time = 0, before = 0; /* time and work: in all; of steps that do not count */
-  int64_t first = 0;                     /* their number */
+  int64_t left_out = 0;                  /* their number */
   msim_status status = MSIM_OK;
   while (!status && trial->run.t < t && (double)trial->run.step < steps && work < most) {
     const int64_t made = trial->run.step;
     if (c->method == &ms_rkc ? trial->run.t < t / SETTLING : made == 1 && steps < INFINITY)
-      time = trial->run.t, before = work, first = made;
+      time = trial->run.t, before = work, left_out = made;
     status = ms_sim_make_steps(trial, 1, err);
     work = ms_pilot_run_count_work(trial) - start;
   }
   p->cost += work;
   if (status < 0 || trial->run.step == 0) return status < 0 ? status : MSIM_OK;
-  if (trial->run.step == first) time = before = 0, first = 0;
-  const double counted = (double)(trial->run.step - first);
+  if (trial->run.step == left_out) time = before = 0, left_out = 0;
+  const double counted = (double)(trial->run.step - left_out);
   c->h = (trial->run.t - time) / counted;
   c->step_cost = (work - before) / counted;
   return MSIM_OK;

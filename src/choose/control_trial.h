@@ -41,8 +41,8 @@ double ms_control_trial_steps(const ms_pilot_run *p, const ms_candidate *c);
 
 /* Run `trial`, under error control, from its present state to t, or until it has spent `most`
  * evaluations or made so many steps, of which the first does not count unless it is the only one:
- * the controller mostly rejects a few lengths before it. Nor does the beginning with rkc. tol and
- * scales are those of the whole run. Sets the step and its cost. */
+ * the controller mostly rejects a few lengths before it. Of rkc the first sixteenth of the time is
+ * left out. tol and scales are those of the whole run. Sets the step and its cost. */
 msim_status ms_control_trial_run(ms_pilot_run *p, msim_sim *trial, double t, double most,
                                  double steps, ms_candidate *c, msim_error *err);
 

@@ -144,7 +144,7 @@ static ms_bounds find_bounds(ms_stepper *s) {
   double *image = present_vectors(s)[IMAGE];
   ms_bounds b = s->bounds;
   if (!s->one_substep) return b;
-  if (!s->cached_stage) ms_vector_clear_all(shape, image);
+  if (!s->cached_stage) ms_vector_clear_all(shape, image); /* none is known */
   if (ms_rkc_count_stages(s->h, b) < LEAST_STAGES) return b;
   const double before = find_length(shape, image);
   if (SAFETY * before >= b.rate) return b;
