@@ -64,24 +64,32 @@ static double amplitude_after(const theory *t, double zeta, double z, int64_t st
   return size;
 }
 
-/* Whether the amplitude grows from the first half of the steps to the second. Without damping it
- * oscillates by less than a factor e^5; below e^-300 it is rounding error. */
-static int amplitude_grows(const theory *t, double zeta, double z, int64_t steps) {
+/* Whether the amplitude grows from the first half of the steps to the second, by more than that
+ * factor, whose logarithm is `least`; below e^-300 it is rounding error. */
+static int amplitude_grows(const theory *t, double zeta, double z, double least, int64_t steps) {
   msim_sim *sim = make_oscillator(t, zeta, z);
   const double half = amplitude(sim, steps / 2, 64);
   const double whole = isfinite(half) ? amplitude(sim, steps / 2, 64) : half;
   msim_sim_destroy(sim);
-  return whole == INFINITY || (whole > -300 && whole - half > (zeta > 0 ? 0 : 5));
+  return whole == INFINITY || (whole > -300 && whole - half > least);
 }
 
-/* Bisects below a z at which the amplitude is known to grow; INFINITY: it does not. */
-static double bisect_stability_limit(const theory *t, double zeta, double known, int quick) {
+/* 1: stable steps reduce the amplitude, so that it grows beyond the limit alone. */
+static int reduces_amplitude(const theory *t, double zeta, double limit) {
+  return zeta > 0 || (t->step && theory_rate(t, 0.9 * limit) < -1e-7);
+}
+
+/* Bisects below a z at which the amplitude is known to grow; INFINITY: it does not. Where stable
+ * steps keep the amplitude, it oscillates by less than a factor e^5. */
+static double bisect_stability_limit(const theory *t, double zeta, double limit, double known,
+                                     int quick) {
   const int64_t steps = quick ? 40000 : 100000;
+  const double least = reduces_amplitude(t, zeta, limit) ? 0 : 5;
   double low = 0, high = known;
-  if (!amplitude_grows(t, zeta, high, steps)) return INFINITY;
+  if (!amplitude_grows(t, zeta, high, least, steps)) return INFINITY;
   for (int i = 0; i < (quick ? 15 : 18) && !is_interrupted(); i++) {
     const double z = (low + high) / 2;
-    if (amplitude_grows(t, zeta, z, steps)) high = z;
+    if (amplitude_grows(t, zeta, z, least, steps)) high = z;
     else low = z;
   }
   return (low + high) / 2;
@@ -103,7 +111,7 @@ static double check_limit(const theory *t, int i, int quick, report *r) {
   const int is_rate = expected == 0, has_none = isinf(expected);
   if (is_rate) expected = theory_rate(t, z), found = amplitude_after(t, 0, z, 1000) / 1000;
   else if (has_none) expected = 0, found = decayed(amplitude_after(t, zetas[i], 100, 20));
-  else found = bisect_stability_limit(t, zetas[i], peak, quick);
+  else found = bisect_stability_limit(t, zetas[i], expected, peak, quick);
   const double off = fabs(found - expected) / (expected > 0 ? expected : 1);
   const double error = isnan(off) ? INFINITY : off;
   const char *kind = is_rate ? "growth" : has_none ? "none" : "limit";
