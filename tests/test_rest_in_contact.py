@@ -169,20 +169,30 @@ class RestInContact(CliTest):
             self.assertGreaterEqual(least_eigenvalue(s, on, x), -1e-9)
         return x
 
+    def check_drawn(self, body, place, friction, seed):
+        """Lifted so that the start is free"""
+        with self.subTest(body=body.__name__, place=place.__name__, friction=friction, seed=seed):
+            random = np.random.default_rng(seed)
+            s = body(random, 10 ** random.uniform(2.5, 4.5))
+            on = Obstacles(**place(random), friction=friction)
+            s.x = (np.array(s.x) + [0.03, -0.05, 0]).tolist()
+            while min(gap for x in s.x for gap, _, _ in on.find(np.array(x))) < 0.01:
+                s.x = (np.array(s.x) + [0, 0, 0.02]).tolist()
+            self.check(s, on)
+
     def test_bodies_in_places(self):
-        """Lifted so that the start is free; all have an equilibrium, found in less than 500
-        iterations on average."""
+        """All have an equilibrium, found in less than 500 iterations on average."""
         for seed, (body, place, friction) in enumerate(itertools.product(
                 (block, cloth, rope), (valley, corner, bowl, ball_on_floor), (0, 0.2, 0.6))):
-            with self.subTest(body=body.__name__, place=place.__name__, friction=friction):
-                random = np.random.default_rng(seed)
-                s = body(random, 10 ** random.uniform(2.5, 4.5))
-                on = Obstacles(**place(random), friction=friction)
-                s.x = (np.array(s.x) + [0.03, -0.05, 0]).tolist()
-                while min(gap for x in s.x for gap, _, _ in on.find(np.array(x))) < 0.01:
-                    s.x = (np.array(s.x) + [0, 0, 0.02]).tolist()
-                self.check(s, on)
+            self.check_drawn(body, place, friction, seed)
         self.assertLess(self.iterations, 500 * 36)
+
+    def test_sets_that_come_round_again(self):
+        """Where each particle may stick or slide, as in a rope in a bowl, sets of those that slide
+        may come round again; in the last steps of the block nothing moves up to rounding."""
+        for seed in range(20, 64):
+            self.check_drawn(rope, bowl, 0.2, seed)
+        self.check_drawn(block, valley, 0.6, 4)
 
     def check_is_not_held(self, s, on, *words):
         self.scene(on.add_to(s.json()))

@@ -23,6 +23,7 @@ typedef struct static_solve {
   const ms_unknowns *rows;
   double h;
   int is_limited;     /* h is shorter than wanted, for the trust region */
+  int is_unsettled;   /* d may have another active set than the one that it was found with */
   int needs_slope;    /* the line search evaluates forces, too */
   double slope;       /* J: the work of the forces along d, to first order */
   double rounding;    /* J: reactions times rounding errors of positions */
@@ -172,9 +173,11 @@ static int update_friction(const static_solve *c, ms_contact *on, const double f
   return on->sticks != before;
 }
 
-/* Removes planes that would have to pull. What reactions balance is the force less that which moves
- * the weights of the constraint. Returns 1 if the contact has changed. */
-static int update_contact(const static_solve *c, ms_contact *on, const ms_constraint *g) {
+/* Removes planes that would have to pull, and lets the particle stick or slide, if it may change to
+ * that. What reactions balance is the force less that which moves the weights of the constraint.
+ * Returns 1 if the contact has changed. */
+static int update_contact(const static_solve *c, ms_contact *on, const ms_constraint *g,
+                          int may_change) {
   static const double zero[MS_MAX_TOUCHED_PLANES] = {0};
   const ms_plane_set all = on->on;
   double f[3], v[3], J[MS_MAX_INDEPENDENT_PLANES] = {0};
@@ -190,15 +193,18 @@ static int update_contact(const static_solve *c, ms_contact *on, const ms_constr
   ms_contact_set_classify(on, c->rows->dims);
   if (is_fixed && !on->fixed) on->sticks = 0;
   if (!on->on.n || on->fixed || on->enters || !on->has_friction) return changed;
-  return update_friction(c, on, f, v) || changed;
+  if (may_change) return update_friction(c, on, f, v) || changed;
+  set_force(c, on);
+  return changed;
 }
 
-static int update_contacts(static_solve *c) {
+/* together: friction of all particles may change, else of the first one only. */
+static int update_contacts(static_solve *c, int together) {
   int32_t kept = 0;
   int changed = 0;
   for (int32_t i = 0; i < count_contacts(c); i++) {
     ms_contact *on = &c->e->contact[i];
-    changed |= update_contact(c, on, &c->e->constraint[i]);
+    changed |= update_contact(c, on, &c->e->constraint[i], together || !changed);
     if (on->on.n) c->e->contact[kept++] = *on;
     else set_force(c, on);
   }
@@ -217,9 +223,10 @@ static double find_largest_displacement(const static_solve *c) {
 }
 
 /* d, with h so short that it lies in the trust region at first; solves until the active set stays,
- * MOST times */
+ * MOST times. If friction of all particles changes TOGETHER, the sets may come round again; if only
+ * that of the first one does, they cannot (least-index rule; Murty, Opsearch 11 (1974) 123). */
 static msim_status find_direction(static_solve *c, ms_static_step *step, msim_error *err) {
-  enum { MOST = 8 };
+  enum { MOST = 8, TOGETHER = 5 };
   ms_stepper *s = c->s;
   for (int i = 0, changed = 1; i < MOST && changed;) {
     const msim_status status = solve(c, err);
@@ -231,11 +238,12 @@ static msim_status find_direction(static_solve *c, ms_static_step *step, msim_er
       c->h *= fmax(0.1, 0.9 * sqrt(step->radius / longest));
       continue;
     }
-    changed = ++i < MOST ? update_contacts(c) : 0;
+    changed = ++i < MOST ? update_contacts(c, i <= TOGETHER) : 0;
     add_prescribed(c);
     ms_vector_copy_all(s->model->shape, s->x, s->x_next);
     ms_vector_axpy(s->model->shape, c->h, s->work[DIRECTION], s->x_next);
     changed |= c->e && ms_contact_joining_add_penetrating(s, 0) > 0;
+    c->is_unsettled = i == MOST;
   }
   return MSIM_OK;
 }
@@ -361,11 +369,12 @@ static msim_status search_line(static_solve *c, msim_error *err) {
 
 /*------------------------------------- the step -------------------------------------------------*/
 
-/* h and radius of the next step */
+/* h and radius of the next step. Where the active set is not settled and nothing moves, up to
+ * rounding, it is shorter, so that particles that slide meet less resistance by others. */
 static void adapt(const static_solve *c, msim_status status, ms_static_step *step) {
   const double GOOD = 0.3, FEW = 0.03, LEAST = 1e-3;
   step->h = c->h;
-  if (status) step->h /= 10;
+  if (status || (c->is_unsettled && c->slope < c->rounding)) step->h /= 10;
   else if (c->alpha < FEW) {
     step->h /= 10;
     step->radius =
