@@ -47,26 +47,26 @@ static void report_respa_key(const setting_sweep *c, report *out) {
 }
 
 enum { SINGLE_KEYS = 3 };
+static const double single_errors[SINGLE_KEYS] = {1e-2, 1e-3, 1e-4};
 
 /* The best method in single precision over the best one in double, at these errors; over[]: the
  * largest in the scenes so far, NAN: none */
 static void add_single_over_double(const setting_sweep *c, report *out, double over[SINGLE_KEYS]) {
-  static const double errors[SINGLE_KEYS] = {1e-2, 1e-3, 1e-4};
   static const char *const scenes[] = {"trampoline", "folding", "stiff"};
   const char *scene = c->context.kind->name;
   int counts = 0;
   for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++)
     counts |= strcmp(scene, scenes[i]) == 0;
   for (int i = 0; i < SINGLE_KEYS && counts; i++) {
-    const precision_method *of_single = fastest_method(c, SINGLE, errors[i]),
-                           *of_double = fastest_method(c, DOUBLE, errors[i]);
-    const double ratio = ratio_of_results(cost_at_error(c, of_single, errors[i]).seconds,
-                                          cost_at_error(c, of_double, errors[i]).seconds);
+    const precision_method *of_single = fastest_method(c, SINGLE, single_errors[i]),
+                           *of_double = fastest_method(c, DOUBLE, single_errors[i]);
+    const double ratio = ratio_of_results(cost_at_error(c, of_single, single_errors[i]).seconds,
+                                          cost_at_error(c, of_double, single_errors[i]).seconds);
     report_add_row(out, "single",
-                   FIELDS(TEXT("scene", scene), REAL("error", errors[i]), REAL("ratio", ratio),
-                          TEXT("single", of_single ? of_single->name : NULL),
+                   FIELDS(TEXT("scene", scene), REAL("error", single_errors[i]),
+                          REAL("ratio", ratio), TEXT("single", of_single ? of_single->name : NULL),
                           TEXT("double", of_double ? of_double->name : NULL)));
-    printf(" single over double precision at %.0e: %.3g (%s; %s)\n", errors[i], ratio,
+    printf(" single over double precision at %.0e: %.3g (%s; %s)\n", single_errors[i], ratio,
            of_single ? of_single->name : "none", of_double ? of_double->name : "none");
     if (!(over[i] >= ratio)) over[i] = ratio;
   }
@@ -92,13 +92,22 @@ static int split_of(const precision_scene *kind) {
   return kind->damped ? SPLIT_DAMPING : 0;
 }
 
+/* Returns 0 if out of memory. */
+static int run_sweep(const run_context *a, const struct scene_plan *plan, double until,
+                     setting_sweep *c) {
+  if (!setting_sweep_run(a, until - plan->turns, c)) return 0;
+  for (int i = 0; i < ERROR_LEVELS; i++) unsettle_deciding_runs(c, levels[i]);
+  for (int i = 0; i < SINGLE_KEYS; i++) unsettle_deciding_runs(c, single_errors[i]);
+  setting_sweep_repeat(c, plan->turns, until);
+  return 1;
+}
+
 static void measure_precision_scene(const bench_run *b, const precision_scene *kind,
                                     const ode_methods *ode, precision_summary *f) {
   const int quick = b->options->quick;
   const int32_t threads = b->options->threads;
   const struct scene_plan *plan = &plans[quick];
   const double until = clock_seconds() + plan->whole;
-  const sweep_limits limits = {.repeat_seconds = plan->turns, .until = until};
   msim_scene *scene = NULL;
   reference_solution t = {.scene = NULL};
   ode_forces k = {.by_runs = 0}, parts = {.stiff_s = NAN, .others_s = NAN, .split_difference = NAN};
@@ -115,7 +124,7 @@ static void measure_precision_scene(const bench_run *b, const precision_scene *k
   } else if (!ode_forces_create(scene, t.sim, 0, 0, t.end.x, t.end.v, t.limit / 4, &k) ||
              (split && !ode_forces_create(scene, t.sim, split, kind->stiff, t.end.x, t.end.v,
                                           t.limit / 4, &parts)) ||
-             !setting_sweep_run(&a, &limits, &c)) {
+             !run_sweep(&a, plan, until, &c)) {
     report_no_reference(b->report, kind, "out of memory");
   } else if (!is_interrupted()) {
     report_sweep(b->report, &c);

@@ -58,15 +58,10 @@ static const char *library_of(const precision_method *m) {
   return names[group_of_method(m)];
 }
 
-/* Whether it is, at some error, within a factor of 1.5 of the best method of its group; only
- * these are plotted. */
-static int is_near_best(const setting_sweep *c, const precision_method *m) {
-  for (int l = 0; l < ERROR_LEVELS; l++) {
-    const precision_method *best = fastest_method(c, group_of_method(m), levels[l]);
-    if (best &&
-        cost_at_error(c, m, levels[l]).seconds <= 1.5 * cost_at_error(c, best, levels[l]).seconds)
-      return 1;
-  }
+/* Only methods that are near the best one at some error are plotted. */
+static int is_plotted(const setting_sweep *c, const precision_method *m) {
+  for (int l = 0; l < ERROR_LEVELS; l++)
+    if (is_near_best(c, m, levels[l])) return 1;
   return 0;
 }
 
@@ -84,7 +79,7 @@ static void report_point(report *out, const setting_sweep *c, int i) {
   put_fields(row, FIELDS(TEXT("status", statuses[r->status]), TEXT("reason", reasons[r->status])));
   if (r->status == POINT_FAILED) return;
   put_times(row, &c->all[i], whole_seconds, "ms", 1e3);
-  put_fields(row, FIELDS(BOOLEAN("near_best", is_near_best(c, r->method)),
+  put_fields(row, FIELDS(BOOLEAN("near_best", is_plotted(c, r->method)),
                          INTEGER("evaluations", r->evaluations), REAL("error", r->errors.error),
                          REAL("energy_drift", r->errors.energy),
                          REAL("momentum_drift", r->errors.momentum)));

@@ -29,6 +29,7 @@ static timing_candidate *add_point(setting_sweep *c, const precision_method *m, 
                      .until = until,
                      .result = &c->result};
   candidate_init(run, m->name, "point", run_point, r);
+  run->settled = 1;
   return run;
 }
 
@@ -113,7 +114,7 @@ static void sweep_all_groups(setting_sweep *c, double until) {
   }
 }
 
-int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sweep *c) {
+int setting_sweep_run(const run_context *a, double until, setting_sweep *c) {
   const reference_solution *t = a->reference;
   *c = (setting_sweep){.context = *a};
   precision_methods_collect(t, a->parts->split.by, a->ode, &c->methods);
@@ -121,13 +122,15 @@ int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sw
   c->points = malloc(most * sizeof *c->points);
   c->all = malloc(most * sizeof *c->all);
   if (!c->points || !c->all || !run_result_create(t->view.nparticles, &c->result)) return 0;
-  sweep_all_groups(c, plan->until - plan->repeat_seconds);
-  for (int i = 0; i < c->count; i++) c->points[i].until = plan->until;
-  const timing_limits turns = {.max_rounds = 9,
-                               .budget = plan->repeat_seconds,
-                               .until = fmin(plan->until, clock_seconds() + plan->repeat_seconds)};
-  time_in_turn(c->all, c->count, &turns);
+  sweep_all_groups(c, until);
   return 1;
+}
+
+void setting_sweep_repeat(setting_sweep *c, double seconds, double until) {
+  for (int i = 0; i < c->count; i++) c->points[i].until = until;
+  const timing_limits turns = {
+      .max_rounds = 9, .budget = seconds, .until = fmin(until, clock_seconds() + seconds)};
+  time_in_turn(c->all, c->count, &turns);
 }
 
 void setting_sweep_free(setting_sweep *c) {

@@ -1,15 +1,10 @@
 /* setting_sweep - runs every method of `precision` over its settings, from large to small errors,
- * as far as its share of the time allows; then repeats all these runs in turn while time remains */
+ * as far as its share of the time allows; then repeats runs in turn while time remains */
 #ifndef BENCH_SETTING_SWEEP_H
 #define BENCH_SETTING_SWEEP_H
 
 #include "precision_methods.h"
 #include "timing.h"
-
-typedef struct sweep_limits {
-  double repeat_seconds; /* s, for the repeated runs */
-  double until;          /* on the clock of clock_seconds */
-} sweep_limits;
 
 /* POINT_UNRESOLVED: the error is too close to that of the reference solution to be measured. */
 enum { POINT_MEASURED, POINT_UNRESOLVED, POINT_FAILED };
@@ -34,8 +29,12 @@ typedef struct setting_sweep {
   run_result result;
 } setting_sweep;
 
-/* Returns 0 if out of memory. Call setting_sweep_free in any case. */
-int setting_sweep_run(const run_context *a, const sweep_limits *plan, setting_sweep *c);
+/* until: on the clock of clock_seconds. All runs are settled then. Returns 0 if out of memory. Call
+ * setting_sweep_free in any case. */
+int setting_sweep_run(const run_context *a, double until, setting_sweep *c);
+
+/* Repeats the runs that are not settled. seconds: s, for all of them */
+void setting_sweep_repeat(setting_sweep *c, double seconds, double until);
 void setting_sweep_free(setting_sweep *c);
 
 #endif

@@ -66,19 +66,22 @@ timing_limits limits_until(timing_limits p, double until) {
 }
 
 static int may_run_again(const timing_candidate *c, int count, const timing_limits *p) {
-  if (c->failed || c->nsamples > p->max_rounds || is_interrupted() || clock_seconds() > p->until)
+  if (c->failed || c->settled || c->nsamples > p->max_rounds || is_interrupted() ||
+      clock_seconds() > p->until)
     return 0;
   if (c->nsamples <= p->min_rounds && c->total_seconds < p->budget / 2) return 1;
   return c->nsamples == 0 || c->total_seconds < p->budget / count;
 }
 
 void time_in_turn(timing_candidate *all, int count, const timing_limits *p) {
+  int sharing = 0;
+  for (int i = 0; i < count; i++) sharing += !all[i].failed && !all[i].settled;
   for (int round = 0, running = 1; running; round++) {
     running = 0;
     for (int i = 0; i < count; i++) {
       timing_candidate *c = &all[round % 2 ? count - 1 - i : i];
       timing_sample s = {0};
-      if (!may_run_again(c, count, p)) continue;
+      if (!may_run_again(c, sharing, p)) continue;
       const double start = clock_seconds();
       c->failed = !c->run(c, &s);
       c->total_seconds += clock_seconds() - start;

@@ -40,6 +40,7 @@ typedef struct timing_candidate {
   void *data;      /* for run */
   double residual; /* ||b - A dv|| / ||b|| of its solution; NAN: unknown */
   int failed;
+  int settled; /* 1: it is not run again, as its time decides nothing */
   char reason[1024];
   int nsamples;         /* samples; the first warms up and counts only if it is the only one */
   double total_seconds; /* s, total wall time of its runs */
@@ -63,7 +64,7 @@ void put_result(json_t *row, const timing_candidate *c, const char *unit, double
 
 typedef struct timing_limits {
   int max_rounds; /* rounds after the first, at most MAX_ROUNDS - 1 */
-  double budget;  /* s, shared equally; a candidate stops when it has used its share */
+  double budget;  /* s, shared equally by those that run; one stops when it has used its share */
   int min_rounds; /* at least so many after the first, unless they take half of the budget */
   double until;   /* on the clock of clock_seconds: no run starts after it */
 } timing_limits;

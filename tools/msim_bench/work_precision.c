@@ -15,7 +15,7 @@ static cost_point point_of(const setting_sweep *c, int i) {
   const sweep_point *r = &c->points[i];
   const double error = fmax(r->errors.error, 10 * c->context.reference->error);
   return (cost_point){.error = r->status == POINT_FAILED ? INFINITY : error,
-                      .cost = {median_of(&c->all[i], whole_seconds), (double)r->evaluations}};
+                      .cost = {median_of(&c->all[i], whole_seconds), (double)r->evaluations, i, i}};
 }
 
 static double interpolate_log(double a, double b, double share) { return a * pow(b / a, share); }
@@ -24,11 +24,12 @@ static double interpolate_log(double a, double b, double share) { return a * pow
 static cost interpolate_cost(const cost_point *above, const cost_point *below, double error) {
   const double share = log(above->error / error) / log(above->error / below->error);
   return (cost){interpolate_log(above->cost.seconds, below->cost.seconds, share),
-                interpolate_log(above->cost.evaluations, below->cost.evaluations, share)};
+                interpolate_log(above->cost.evaluations, below->cost.evaluations, share),
+                above->cost.first, below->cost.last};
 }
 
 cost cost_at_error(const setting_sweep *c, const precision_method *m, double error) {
-  cost best = {NAN, NAN};
+  cost best = {.seconds = NAN, .evaluations = NAN, .last = -1};
   cost_point before = {.error = INFINITY};
   if (!reference_solution_supports(c->context.reference, error)) return best;
   for (int i = 0; i < c->count; i++) {
@@ -49,8 +50,12 @@ method_group group_of_method(const precision_method *m) {
   return m->precision == MSIM_PRECISION_SINGLE ? SINGLE : DOUBLE;
 }
 
+static int is_auto(const precision_method *m) {
+  return m->integrator && strcmp(m->integrator, "auto") == 0;
+}
+
 static int is_in_group(const precision_method *m, method_group group) {
-  return group_of_method(m) == group && !(m->integrator && strcmp(m->integrator, "auto") == 0);
+  return group_of_method(m) == group && !is_auto(m);
 }
 
 const precision_method *fastest_method(const setting_sweep *c, method_group group, double error) {
@@ -61,4 +66,18 @@ const precision_method *fastest_method(const setting_sweep *c, method_group grou
     if (seconds < least) best = m, least = seconds;
   }
   return best;
+}
+
+int is_near_best(const setting_sweep *c, const precision_method *m, double error) {
+  const double NEAR = 1.5;
+  const precision_method *best = fastest_method(c, group_of_method(m), error);
+  return best && cost_at_error(c, m, error).seconds <= NEAR * cost_at_error(c, best, error).seconds;
+}
+
+void unsettle_deciding_runs(setting_sweep *c, double error) {
+  for (const precision_method *m = c->methods.all; m < c->methods.all + c->methods.count; m++) {
+    const cost of = cost_at_error(c, m, error);
+    const int counts = is_auto(m) || is_near_best(c, m, error);
+    for (int i = of.first; i <= of.last && counts; i++) c->all[i].settled = 0;
+  }
 }

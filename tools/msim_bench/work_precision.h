@@ -15,6 +15,7 @@ extern const double levels[ERROR_LEVELS]; /* 1e-2, 1e-4, 1e-6, 1e-8, 1e-10 */
  * part, or the reference solution is not accurate enough. */
 typedef struct cost {
   double seconds, evaluations;
+  int first, last; /* the settings that determine it, one or two; of NAN none */
 } cost;
 
 /* m: may be NULL */
@@ -27,5 +28,12 @@ typedef enum method_group { LIBRARY, DOUBLE, SINGLE } method_group;
 const precision_method *fastest_method(const setting_sweep *c, method_group group, double error);
 
 method_group group_of_method(const precision_method *m);
+
+/* 1: at this error it takes at most 1.5 times as long as the best method of its group. */
+int is_near_best(const setting_sweep *c, const precision_method *m, double error);
+
+/* The runs that determine the cost of such methods, and of `auto`, at this error shall be repeated:
+ * they are not settled any more. */
+void unsettle_deciding_runs(setting_sweep *c, double error);
 
 #endif
