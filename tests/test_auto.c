@@ -26,6 +26,56 @@ static void same_state(msim_sim *a, msim_sim *b) {
   expect_same_motion(a, b);
 }
 
+/* Steps that their half steps confirm are kept, and nothing else is part of the run: it is that of
+ * the method by name. Half steps now and then would let errors of symplectic methods grow. */
+static void verified_runs_are_those_by_name(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(5, 100, 0);
+  for (double tol = 1e-2; tol > 1e-10; tol /= 10) {
+    const msim_options opt = options_of("auto", tol, 2);
+    msim_sim *sim = make_sim(scene, &opt);
+    msim_options by_name = options_of(name_of(sim), 0, -1);
+    by_name.h = sim->run.h, by_name.steps = sim->config.plan.steps;
+    msim_sim *other = make_sim(scene, &by_name);
+    assert_ok(msim_sim_run(sim, NULL, NULL, err));
+    assert_ok(msim_sim_run(other, NULL, NULL, err));
+    assert_int_equal(stats_of(sim).rejected_steps, 0);
+    assert_true(stats_of(sim).force_evaluations > stats_of(other).force_evaluations);
+    expect_same_motion(sim, other);
+    msim_sim_destroy(sim), msim_sim_destroy(other);
+  }
+  msim_scene_destroy(scene);
+}
+
+/* Step 6 of a run, verified, where the half steps may differ by so many times their difference
+ * from the step, ends where the method by name does in so many steps. */
+static void expect_parts(const msim_scene *scene, double allowed, int64_t parts) {
+  const msim_options opt = options_of("auto", 1e-6, 2);
+  msim_sim *sim = make_sim(scene, &opt), *same = make_sim(scene, &opt);
+  ms_step_verification *check = &sim->config.choice.verification;
+  ms_step_measurement of;
+  assert_ok(msim_sim_step(sim, 5, err));
+  assert_ok(msim_sim_step(same, 5, err));
+  const msim_state start = state_of(same);
+  msim_options by_name = options_of(name_of(sim), 0, -1);
+  by_name.h = sim->run.h / (double)parts;
+  msim_sim *other = make_sim(scene, &by_name);
+  assert_ok(msim_sim_set_state(other, &start, err));
+  assert_ok(ms_step_verification_measure(same, &check->scales, &of, err));
+  check->allowed = allowed * of.error, sim->islands->verification.verify_next = 1;
+  assert_ok(msim_sim_step(sim, 1, err));
+  assert_ok(msim_sim_step(other, parts, err));
+  expect_same_motion(sim, other);
+  msim_sim_destroy(sim), msim_sim_destroy(same), msim_sim_destroy(other);
+}
+
+static void less_accurate_steps_are_replaced_by_half_steps(void **state) {
+  (void)state;
+  msim_scene *scene = hanging_cloth(5, 100, 0);
+  expect_parts(scene, 1.1, 1), expect_parts(scene, 0.9, 2);
+  msim_scene_destroy(scene);
+}
+
 /* A soft chain with strong dampers, and a stiff undamped spring, which hardly oscillates: a few
  * steps of rkc do not show that its motion grows. */
 static void rkc_is_left_out_where_a_spring_is_undamped(void **state) {
@@ -330,15 +380,18 @@ static void tight_tolerances_are_kept_or_reported(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(tight_tolerances_are_kept_or_reported),
-                                     cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
-                                     cmocka_unit_test(it_is_always_the_same),
-                                     cmocka_unit_test(it_needs_no_options),
-                                     cmocka_unit_test(a_set_state_makes_a_new_choice),
-                                     cmocka_unit_test(a_tol_near_rounding_is_extrapolated),
-                                     cmocka_unit_test(set_springs_make_a_new_choice),
-                                     cmocka_unit_test(it_chooses_the_steps),
-                                     cmocka_unit_test(impacts_are_located_where_asked),
-                                     cmocka_unit_test(lack_of_memory_changes_nothing)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(tight_tolerances_are_kept_or_reported),
+      cmocka_unit_test(rkc_is_left_out_where_a_spring_is_undamped),
+      cmocka_unit_test(verified_runs_are_those_by_name),
+      cmocka_unit_test(less_accurate_steps_are_replaced_by_half_steps),
+      cmocka_unit_test(it_is_always_the_same),
+      cmocka_unit_test(it_needs_no_options),
+      cmocka_unit_test(a_set_state_makes_a_new_choice),
+      cmocka_unit_test(a_tol_near_rounding_is_extrapolated),
+      cmocka_unit_test(set_springs_make_a_new_choice),
+      cmocka_unit_test(it_chooses_the_steps),
+      cmocka_unit_test(impacts_are_located_where_asked),
+      cmocka_unit_test(lack_of_memory_changes_nothing)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -119,8 +119,9 @@ static double find_turn(const ms_stepper *s) {
 
 /*------------------------------------- errors ---------------------------------------------------*/
 
-/* Make the step again in two half steps, which replace it. Their impacts replace the step's, too:
- * `contacts` is the count before the step. *error: the squared norm of the difference. */
+/* Make the step again in two half steps, which replace it; the step goes to the second spare pair.
+ * Their impacts replace the step's, too: `contacts` is the count before the step. *error: the
+ * squared norm of the difference. */
 static msim_status repeat_in_half_steps(const msim_sim *sim, ms_stepper *s, const ms_scales *scales,
                                         int64_t contacts, double *error, msim_error *err) {
   s->stats->contacts = contacts;
@@ -325,6 +326,10 @@ static msim_status make_verified_step(const msim_sim *sim, ms_island_sim *m, int
     s->stats->contacts = contacts;
     s->stats->rejected_steps++;
     return make_step_in_substeps(sim, m, moved, err);
+  }
+  if (error <= allowed && !s->events) { /* the step itself, whose last evaluation is lost */
+    ms_stepper_swap(&s->x_next, &s->x_spare[1]), ms_stepper_swap(&s->v_next, &s->v_spare[1]);
+    s->cached_stage_next = 0;
   }
   add_up_error(sim, m, error);
   for (int i = 0; i < 2; i++) check->indicator[i] = fmax(check->indicator[i], sign[i]);

@@ -23,8 +23,10 @@
  * The allowed difference of whole and half steps leads to tol at the end of the run if all steps
  * have it: the difference at the choice, times tol over the error predicted there; as errors cancel
  * and are predicted pessimistically, 50 times that, but tol/4 at most, as errors of events do not
- * cancel. Where it is larger, the next step is verified, too. The half steps replace the step if
- * they are accurate enough: without an event their error is 1/(2^p - 1) of the difference, p the
+ * cancel. Without impacts, steps within it are kept: half steps now and then, more accurate as
+ * each is, let errors of symplectic methods grow (12-fold in a swinging chain). Where the
+ * difference is larger, the next step is verified, too, and the half steps replace the step if they
+ * are accurate enough: without an event their error is 1/(2^p - 1) of the difference, p the
  * order, which may be larger by that, up to tol/4. Otherwise error control makes this step and the
  * following ones in substeps, until a substep is as long as a step again; substeps may add the
  * error that tol allows, or 1/16 of the allowed difference if that is more. They are those of
