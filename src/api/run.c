@@ -5,6 +5,7 @@
 #include "base/sized.h"
 #include "checkpoint/fingerprint.h"
 #include "choose/method_choice.h"
+#include "choose/resonance.h"
 #include "sim/frames.h"
 #include "sim/rank_scene.h"
 #include "sim/step_driver.h"
@@ -108,17 +109,19 @@ static msim_status continue_with_doubles(msim_sim *sim, msim_error *err) {
 /* 1: the method or its precision may change between steps. */
 static int may_change(const msim_sim *sim) {
   const ms_step_verification *v = &sim->config.choice.verification;
-  return v->planes_far || (v->allowed > 0 && sim->islands->model.single);
+  return v->planes_far || (v->allowed > 0 && sim->islands->model.single) ||
+         ms_resonance_may_occur(sim);
 }
 
-/* As ms_sim_make_steps(), until a plane is close, from which on planes count, and until verified
- * steps with floats need doubles (step_verification.h). */
+/* As ms_sim_make_steps(), until a plane is close, from which on planes count, until verified steps
+ * with floats need doubles (step_verification.h), and until respa is in resonance. */
 static msim_status make_steps(msim_sim *sim, int64_t n, msim_error *err) {
   for (; n > 0 && may_change(sim); n--) {
     if (ms_sim_has_control(sim)) ms_step_driver_show_time(sim, sim->run.t);
     msim_status status = MSIM_OK;
     if (ms_step_verification_needs_doubles(sim)) status = continue_with_doubles(sim, err);
     if (!status && ms_step_verification_planes_due(sim)) status = enable_planes(sim, err);
+    if (!status && ms_resonance_is_there(sim)) status = ms_resonance_leave(sim, err);
     if (!status) status = ms_sim_make_steps(sim, 1, err);
     if (status) return status;
   }

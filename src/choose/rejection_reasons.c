@@ -32,6 +32,8 @@ const char *ms_rejection_reasons_text(int why) {
       [MS_REASON_LOW_ORDER] = "its order is too low for so small a tol",
       [MS_REASON_FEW_STAGES] = "damping is too weak for many stages",
       [MS_REASON_NOT_RELAXED] = "tol is large, or the run is short",
-      [MS_REASON_RELAXED] = "tried only where a larger tolerance does not keep tol"};
+      [MS_REASON_RELAXED] = "tried only where a larger tolerance does not keep tol",
+      [MS_REASON_RESONANCE] = "a resonance has added energy during the run",
+      [MS_REASON_VERLET] = "verlet is as accurate for no more evaluations"};
   return reasons[why];
 }

@@ -31,6 +31,12 @@ static void explain_candidate(const ms_candidate *c, double tol, int is_best, ms
                                       : ": chosen, with fixed steps");
 }
 
+static int has_left_respa(const ms_method_choice *s) {
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (s->candidates[i].rejection == MS_REASON_RESONANCE) return 1;
+  return 0;
+}
+
 void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
   const ms_step_verification *v = &s->verification;
   ms_text_append(out,
@@ -55,6 +61,6 @@ void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
   if (v->planes_far)
     ms_text_append(out, "              the choice will be repeated when a plane is close\n");
   if (s->substeps > 1)
-    ms_text_append(out, "              %lld substeps per step, since a plane came close\n",
-                   (long long)s->substeps);
+    ms_text_append(out, "              %lld substeps per step, since %s\n", (long long)s->substeps,
+                   has_left_respa(s) ? "respa was left" : "a plane came close");
 }

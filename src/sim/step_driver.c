@@ -14,6 +14,7 @@
 #include "physics/moving_pins.h"
 #include "physics/offender.h"
 #include "physics/single.h"
+#include "sim/conservation.h"
 #include "sim/frames.h"
 #include "sim/island_step.h"
 #include "sim/rank_scene.h"
@@ -392,7 +393,7 @@ msim_status ms_step_driver_make_step(msim_sim *sim, msim_error *err) {
   const msim_status status =
       has_control ? make_controlled_sim_step(sim, err) : make_fixed_sim_step(sim, err);
   if (status) return status;
-  ms_step_verification_check_energy(sim);
+  ms_conservation_check(sim);
   ms_error_growth_follow(sim, has_control ? sim->islands->stepper.h : sim->run.h);
   return MSIM_OK;
 }

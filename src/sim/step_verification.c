@@ -10,12 +10,10 @@
 #include "contact/contact_set.h"
 #include "contact/shortened_step.h"
 #include "methods/methods.h"
+#include "sim/conservation.h"
 #include "sim/island_step.h"
 #include "sim/step_driver.h"
 #include "physics/external_force.h"
-
-/* Steps between two checks of energy */
-enum { ENERGY_INTERVAL = 512 };
 
 /* Indicators */
 enum { DEFECT, TURN };
@@ -403,25 +401,12 @@ int ms_step_verification_planes_due(msim_sim *sim) {
   return !(steps >= 1);
 }
 
-/*------------------------------------- energy ---------------------------------------------------*/
-
-/* 1: energy is conserved. Planes that do not count yet (verification.away) are left aside. */
-static int is_conserved(const msim_sim *sim) {
-  if (ms_scene_has_obstacles(sim->scene) && !sim->config.choice.verification.planes_far) return 0;
-  return !sim->config.choice.damped;
-}
-
-static double total_energy(msim_sim *sim) {
-  msim_energy e = {.size = sizeof e};
-  msim_sim_energy(sim, &e);
-  return e.total;
-}
+/*------------------------------------- the run --------------------------------------------------*/
 
 void ms_step_verification_start(msim_sim *sim) {
-  ms_step_verification *v = &sim->config.choice.verification;
   if (!ms_sim_selects(sim)) return;
-  v->next_plane_check = sim->run.step;
-  v->energy = is_conserved(sim) ? total_energy(sim) : 0;
+  sim->config.choice.verification.next_plane_check = sim->run.step;
+  ms_conservation_start(sim);
   ms_step_verification_start_islands(sim);
 }
 
@@ -438,27 +423,6 @@ int ms_step_verification_needs_doubles(const msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++)
     if (sim->islands[i].verification.needs_doubles) return 1;
   return 0;
-}
-
-static int is_last_step(const msim_sim *sim) {
-  return ms_sim_has_control(sim) ? sim->run.t == sim->config.plan.t_end
-                                 : sim->run.step - sim->run.step0 == sim->config.plan.steps;
-}
-
-void ms_step_verification_check_energy(msim_sim *sim) {
-  const double TOO_MUCH = 10;
-  const ms_scales *s = &sim->config.choice.verification.scales;
-  ms_step_verification *v = &sim->config.choice.verification;
-  if (!ms_sim_selects(sim) || v->warned || !is_conserved(sim)) return;
-  if (sim->run.step % ENERGY_INTERVAL != 0 && !is_last_step(sim)) return;
-  const double off = fabs(total_energy(sim) - v->energy) / (s->mass * s->speed * s->speed);
-  if (!(off > TOO_MUCH * fmax(sim->config.choice.tol, s->rounding))) return;
-  v->warned = 1;
-  ms_sim_warn(sim,
-              "step %lld, t = %g s: the relative energy error is %.2g, so that the error exceeds "
-              "tol = %g, for which %s was chosen; use a smaller tol",
-              (long long)sim->run.step, ms_sim_time(sim), off, sim->config.choice.tol,
-              sim->config.integrator->entry.name);
 }
 
 /*------------------------------------- checkpoints ----------------------------------------------*/

@@ -45,8 +45,7 @@
  * the same, and the run continues with doubles.
  *
  * Steps in other variables than x and v cannot be halved: such methods are candidates only where
- * particles are many. If nothing dissipates, energy is checked now and then with any method: an
- * error above 10 tol is reported to options.warn. */
+ * particles are many. If nothing dissipates, energy shows larger errors (conservation.h). */
 #ifndef MS_STEP_VERIFICATION_H
 #define MS_STEP_VERIFICATION_H
 
@@ -109,9 +108,6 @@ int ms_step_verification_needs_doubles(const struct msim_sim *sim);
 /* One step of an island from x to x_next, verified. */
 msim_status ms_step_verification_make_step(const struct msim_sim *sim, struct ms_island_sim *m,
                                            msim_error *err);
-
-/* Check the energy after a step, and report its error. */
-void ms_step_verification_check_energy(struct msim_sim *sim);
 
 /* Measure one step of a sim that tries a method. */
 msim_status ms_step_verification_measure(struct msim_sim *sim, const ms_scales *scales,
