@@ -122,10 +122,10 @@ static int find_damping_rejection(const ms_pilot_run *p, int i) {
 }
 
 static int find_rejection(const ms_pilot_run *p, int i) {
-  const int planes = p->planes_count, few = p->sim->scene->nparticles <= FEW;
-  if (i == LEAPFROG_METHOD && needs_velocities(p)) return MS_REASON_INDIVISIBLE;
-  if (i == WITH_VELOCITIES && !p->damped && !needs_velocities(p)) return MS_REASON_UNDAMPED;
-  if (is_order_two(i) && planes && few) return MS_REASON_FEW_IMPACTS;
+  const int planes = p->planes_count, by_verlet = !needs_velocities(p);
+  if (i == LEAPFROG_METHOD && !by_verlet) return MS_REASON_INDIVISIBLE;
+  if (i == WITH_VELOCITIES && by_verlet && (planes || !p->damped)) return MS_REASON_VERLET;
+  if (is_order_two(i) && planes && p->sim->scene->nparticles <= FEW) return MS_REASON_FEW_IMPACTS;
   if (is_order_two(i) && planes && p->sim->config.choice.collision == MSIM_COLLISION_EVENT)
     return MS_REASON_TO_BE_LOCATED;
   if (is_order_two(i) && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;

@@ -10,7 +10,7 @@
  * four times as accurate as predicted, as resonances grow. */
 static const double WORTH = 0.25, CARE = 4;
 
-static double trial_time(const ms_pilot_run *p) { return p->span / 8; }
+static double trial_time(const ms_pilot_run *p) { return p->span / 16; }
 
 static double step_of(const ms_pilot_run *p, int64_t n) { return trial_time(p) / (2 * (double)n); }
 

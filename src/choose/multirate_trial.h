@@ -1,8 +1,9 @@
 /* multirate_trial - for integrator = auto, a trial of respa: short steps for stiff springs alone
  *
  * Where few springs limit the steps of all other methods, the pilot run (pilot_run.h) may cost more
- * than a whole run by respa. So respa is tried first, without a pilot run, over the first eighth of
- * the run: steps of h, and twice as many of h/2, give the error of h. */
+ * than a whole run by respa. So respa is tried first, without a pilot run, over the first sixteenth
+ * of the run: steps of h, and twice as many of h/2, give the error of h. A resonance that begins
+ * later ends its use (resonance.h). */
 #ifndef MS_MULTIRATE_TRIAL_H
 #define MS_MULTIRATE_TRIAL_H
 
