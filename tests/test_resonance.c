@@ -53,7 +53,7 @@ static int is_respa(const msim_sim *sim) { return sim->config.integrator->is_mul
 /* To the step before which the method changes */
 static void run_to_resonance(msim_sim *sim) {
   assert_true(is_respa(sim));
-  for (;;) {
+  for (int64_t left = sim->config.plan.steps; left > 0; left--) {
     const checkpoint before = save(sim);
     assert_ok(msim_sim_step(sim, 1, err));
     const int changed = !is_respa(sim);
@@ -61,6 +61,7 @@ static void run_to_resonance(msim_sim *sim) {
     free(before.bytes);
     if (changed) return;
   }
+  fail_msg("the run ends by respa");
 }
 
 static void keep_text(const char *text, void *user) {
