@@ -96,25 +96,32 @@ MS_INLINE ms_lane_vectors sum_other_forces(int dims, spring_kind kind, const ms_
   return added || kind == LAWS ? ms_add_vec(dims, f, of_added) : f;
 }
 
-/* Compute the results of a slice. Returns where they may be bad. */
-MS_INLINE ms_mask step_slice(int dims, spring_kind kind, int many, const ms_model *m,
-                             const ms_external *external, const ms_fused_step *p, int32_t slice) {
+/* The forces on the rows of one register, from `row` on */
+MS_INLINE ms_lane_vectors sum_forces(int dims, spring_kind kind, int many, const ms_model *m,
+                                     const ms_external *external, const ms_fused_step *p,
+                                     size_t row) {
+  const int32_t slice = (int32_t)(row / MS_SLICE);
   const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
-  ms_mask bad = {0};
-  for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
-    ms_lane_vectors f = sum_other_forces(dims, kind, m, external, p, own, lane);
-    if (kind != LAWS) f = add_spring_forces(dims, kind, many, m, slice, own, lane, p->x, p->v, f);
-    bad |= check(update(dims, m, own.row + lane, f, p));
-  }
-  return bad;
+  const size_t lane = row % MS_SLICE;
+  const ms_lane_vectors f = sum_other_forces(dims, kind, m, external, p, own, lane);
+  if (kind == LAWS) return f;
+  return add_spring_forces(dims, kind, many, m, slice, own, lane, p->x, p->v, f);
 }
 
+/* The results for a register of rows wait for the root and the division of its last spring. They
+ * are computed after the forces on the next register, so that its roots do not wait behind them. */
 MS_INLINE int step_slices_of(int dims, spring_kind kind, int many, const ms_model *m,
                              const ms_fused_step *p, int32_t begin, int32_t end) {
   const ms_external external = m->external; /* local, as results could alias the model */
+  const size_t first = MS_SLICE * (size_t)begin, last = MS_SLICE * (size_t)end;
+  ms_lane_vectors before = {{{0}}};
   ms_mask bad = {0};
-  for (int32_t slice = begin; slice < end; slice++)
-    bad |= step_slice(dims, kind, many, m, &external, p, slice);
+  for (size_t row = first; row <= last; row += MS_LANES) {
+    ms_lane_vectors f = {{{0}}};
+    if (row < last) f = sum_forces(dims, kind, many, m, &external, p, row);
+    if (row > first) bad |= check(update(dims, m, row - MS_LANES, before, p));
+    before = f;
+  }
   return is_nowhere(bad);
 }
 
