@@ -14,22 +14,38 @@
 /* 1: F depends on velocities. */
 static inline int ms_external_has_velocity(const ms_external *e) { return e->drag > 0; }
 
-/* A component of F (N) for one particle; and for one particle per lane, its terms in x and then, if
- * there are any, those in v */
+/* A component of F (N) for one particle */
 static inline double ms_external_force(const ms_external *e, int32_t axis, double mass, double x,
                                        double v) {
   (void)x;
   return mass * e->gravity[axis] - e->drag * v;
 }
 
-MS_INLINE ms_lanes ms_external_position_force(const ms_external *e, int32_t axis, ms_lanes mass,
-                                              ms_lanes x) {
-  (void)x;
-  return mass * (ms_real)e->gravity[axis];
+/* The same for one particle per lane: g along the axes of the unknowns, and -b */
+typedef struct ms_external_lanes {
+  ms_lanes gravity[3], minus_drag;
+  int has_velocity;
+} ms_external_lanes;
+
+MS_INLINE ms_external_lanes ms_external_spread(int dims, const ms_external *e,
+                                               const int32_t axis[3]) {
+  const ms_lanes zero = {0};
+  ms_external_lanes of = {.minus_drag = zero - (ms_real)e->drag,
+                          .has_velocity = ms_external_has_velocity(e)};
+  for (int c = 0; c < dims; c++) of.gravity[c] = zero + (ms_real)e->gravity[axis[c]];
+  return of;
 }
 
-MS_INLINE ms_lanes ms_external_add_velocity_force(const ms_external *e, ms_lanes v, ms_lanes f) {
-  return ms_simd_fma((ms_lanes){0} - (ms_real)e->drag, v, f);
+/* The terms in x; and, if there are any, those in v */
+MS_INLINE ms_lanes ms_external_position_force(const ms_external_lanes *e, int c, ms_lanes mass,
+                                              ms_lanes x) {
+  (void)x;
+  return mass * e->gravity[c];
+}
+
+MS_INLINE ms_lanes ms_external_add_velocity_force(const ms_external_lanes *e, ms_lanes v,
+                                                  ms_lanes f) {
+  return ms_simd_fma(e->minus_drag, v, f);
 }
 
 /* -dF/dv (N s/m), and bounds on it for the particles of a scene */

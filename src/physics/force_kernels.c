@@ -84,12 +84,13 @@ MS_INLINE ms_lane_vectors sum_law_forces(int dims, const ms_model *m, int32_t sl
 
 /* All forces but those of springs without a law */
 MS_INLINE ms_lane_vectors sum_other_forces(int dims, spring_kind kind, const ms_model *m,
-                                           const ms_external *external, const ms_fused_step *p,
-                                           ms_slice_range own, size_t lane) {
+                                           const ms_external_lanes *external,
+                                           const ms_fused_step *p, ms_slice_range own,
+                                           size_t lane) {
   const size_t stride = (size_t)m->unknowns.stride, row = own.row + lane;
   const double *added = kind == LAWS ? m->base_force : m->added_force;
   const int32_t slice = (int32_t)(own.row / MS_SLICE);
-  ms_lane_vectors f = external_force(dims, m, external, row, p->x, p->v), of_added = {{{0}}};
+  ms_lane_vectors f = external_force(dims, m, external, row, p), of_added = {{{0}}};
   if (added) of_added = load_added_force(dims, added, row, stride);
   if (kind == LAWS)
     of_added = ms_add_vec(dims, sum_law_forces(dims, m, slice, own, lane, p->x), of_added);
@@ -98,7 +99,7 @@ MS_INLINE ms_lane_vectors sum_other_forces(int dims, spring_kind kind, const ms_
 
 /* The forces on the rows of one register, from `row` on */
 MS_INLINE ms_lane_vectors sum_forces(int dims, spring_kind kind, int many, const ms_model *m,
-                                     const ms_external *external, const ms_fused_step *p,
+                                     const ms_external_lanes *external, const ms_fused_step *p,
                                      size_t row) {
   const int32_t slice = (int32_t)(row / MS_SLICE);
   const ms_slice_range own = {.row = MS_SLICE * (size_t)slice};
@@ -112,14 +113,14 @@ MS_INLINE ms_lane_vectors sum_forces(int dims, spring_kind kind, int many, const
  * are computed after the forces on the next register, so that its roots do not wait behind them. */
 MS_INLINE int step_slices_of(int dims, spring_kind kind, int many, const ms_model *m,
                              const ms_fused_step *p, int32_t begin, int32_t end) {
-  const ms_external external = m->external; /* local, as results could alias the model */
+  const sweep_lanes by = spread_sweep(dims, m, p);
   const size_t first = MS_SLICE * (size_t)begin, last = MS_SLICE * (size_t)end;
   ms_lane_vectors before = {{{0}}};
   ms_mask bad = {0};
   for (size_t row = first; row <= last; row += MS_LANES) {
     ms_lane_vectors f = {{{0}}};
-    if (row < last) f = sum_forces(dims, kind, many, m, &external, p, row);
-    if (row > first) bad |= check(update(dims, m, row - MS_LANES, before, p));
+    if (row < last) f = sum_forces(dims, kind, many, m, &by.external, p, row);
+    if (row > first) bad |= check(update(dims, m, row - MS_LANES, before, p, &by));
     before = f;
   }
   return is_nowhere(bad);

@@ -18,6 +18,22 @@
 #  define LARGEST_VALID MS_LARGEST_VALID
 #endif
 
+/*------------------------------------- what all rows share --------------------------------------*/
+
+/* In all lanes; copies, as results could alias the model */
+typedef struct sweep_lanes {
+  ms_external_lanes external;
+  ms_lanes h, h_before, drift;
+} sweep_lanes;
+
+MS_INLINE sweep_lanes spread_sweep(int dims, const ms_model *m, const ms_fused_step *p) {
+  const ms_lanes zero = {0};
+  return (sweep_lanes){.external = ms_external_spread(dims, &m->external, m->unknowns.axis),
+                       .h = zero + (ms_real)p->h,
+                       .h_before = zero + (ms_real)p->h_before,
+                       .drift = zero + (ms_real)p->drift};
+}
+
 /*------------------------------------- forces ---------------------------------------------------*/
 
 /* Of the springs in a register: k; L, or in single precision k L/2; c, or c/4 */
@@ -71,16 +87,21 @@ MS_INLINE ms_lanes spring_force_factor(int dims, int damped, ms_lane_vectors d, 
 }
 #endif
 
-MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m, const ms_external *external,
-                                         size_t row, const ms_real *x, const ms_real *v) {
+MS_INLINE ms_lane_vectors load_rows(int dims, const void *vec, size_t row, size_t stride) {
+  return ms_load_vec(dims, (const ms_real *)vec + row, stride);
+}
+
+/* Of one register of rows */
+MS_INLINE ms_lane_vectors external_force(int dims, const ms_model *m,
+                                         const ms_external_lanes *external, size_t row,
+                                         const ms_fused_step *p) {
   const ms_lanes mass = ms_simd_load(MASSES_OF(m)->mass + row);
   const size_t stride = (size_t)m->unknowns.stride;
-  const ms_lane_vectors xi = ms_load_vec(dims, x + row, stride);
+  const ms_lane_vectors xi = load_rows(dims, p->x, row, stride);
   ms_lane_vectors f = {{{0}}};
-  for (int c = 0; c < dims; c++)
-    f.c[c] = ms_external_position_force(external, m->unknowns.axis[c], mass, xi.c[c]);
-  if (!v || !ms_external_has_velocity(external)) return f;
-  const ms_lane_vectors vi = ms_load_vec(dims, v + row, stride);
+  for (int c = 0; c < dims; c++) f.c[c] = ms_external_position_force(external, c, mass, xi.c[c]);
+  if (!p->v || !external->has_velocity) return f;
+  const ms_lane_vectors vi = load_rows(dims, p->v, row, stride);
   for (int c = 0; c < dims; c++) f.c[c] = ms_external_add_velocity_force(external, vi.c[c], f.c[c]);
   return f;
 }
@@ -94,10 +115,6 @@ MS_INLINE ms_lane_vectors load_added_force(int dims, const double *added, size_t
 }
 
 /*------------------------------------- update ---------------------------------------------------*/
-
-MS_INLINE ms_lane_vectors load_rows(int dims, const void *vec, size_t row, size_t stride) {
-  return ms_load_vec(dims, (const ms_real *)vec + row, stride);
-}
 
 /* Sums x' = x + change + ...: where they begin, at x itself, or in single precision at the error of
  * the last sum (vector.h); and how they end. */
@@ -131,27 +148,25 @@ MS_INLINE ms_lane_vectors store_sum(int dims, const void *x, ms_lane_vectors sum
 /* Compute the results for one register of rows. Returns |x|^2 + |v|^2 of those that
  * ms_fused_step_run checks. */
 MS_INLINE ms_lanes update(int dims, const ms_model *m, size_t row, ms_lane_vectors f,
-                          const ms_fused_step *p) {
+                          const ms_fused_step *p, const sweep_lanes *by) {
   const size_t stride = (size_t)m->unknowns.stride;
-  const ms_lanes zero = {0};
   ms_lane_vectors a = f, v = f;
-  ms_lanes size = zero;
+  ms_lanes size = {0};
   for (int c = 0; c < dims; c++) a.c[c] *= ms_simd_load(MASSES_OF(m)->inv_mass + row);
   if (p->f) ms_store_vec(dims, (ms_real *)p->f + row, stride, f);
   if (p->a) ms_store_vec(dims, (ms_real *)p->a + row, stride, a);
   if (p->v_to) {
     v = load_addend(dims, p->v_from, row, stride);
     if (p->a_before)
-      v = ms_fma_vec(dims, zero + (ms_real)p->h_before, load_rows(dims, p->a_before, row, stride),
-                     v);
-    v = ms_fma_vec(dims, zero + (ms_real)p->h, a, v);
+      v = ms_fma_vec(dims, by->h_before, load_rows(dims, p->a_before, row, stride), v);
+    v = ms_fma_vec(dims, by->h, a, v);
     v = store_sum(dims, p->v_from, v, p->v_to, row, stride);
     size += ms_dot_vec(dims, v, v);
   }
   if (p->x_to) {
     const ms_lane_vectors along = p->along ? load_rows(dims, p->along, row, stride) : v;
-    const ms_lane_vectors change = ms_fma_vec(dims, zero + (ms_real)p->drift, along,
-                                              load_addend(dims, p->x_from, row, stride));
+    const ms_lane_vectors change =
+        ms_fma_vec(dims, by->drift, along, load_addend(dims, p->x_from, row, stride));
     const ms_lane_vectors x = store_sum(dims, p->x_from, change, p->x_to, row, stride);
     size += ms_dot_vec(dims, x, x);
   } else if (p->v_to) {

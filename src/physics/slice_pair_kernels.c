@@ -68,7 +68,6 @@ MS_INLINE spring_lanes load_springs(int damped, const ms_single *of, which has, 
 typedef struct pair_step {
   const ms_model *model;
   const ms_fused_step *sweep;
-  ms_external external; /* a copy, as results could alias the model */
 } pair_step;
 
 /* sum + the forces of the springs in an entry of each slice, or of one, which is then both `low`
@@ -114,21 +113,22 @@ MS_INLINE int step_pairs(int dims, int damped, const pair_step *s, int32_t begin
   const ms_model *m = s->model;
   const ms_fused_step *p = s->sweep;
   const size_t stride = (size_t)m->unknowns.stride;
+  const sweep_lanes by = spread_sweep(dims, m, p);
   ms_mask bad = {0};
   for (int32_t slice = begin; slice < end; slice += 2) {
     const size_t row = MS_SLICE * (size_t)slice;
-    ms_lane_vectors f = external_force(dims, m, &s->external, row, p->x, p->v);
+    ms_lane_vectors f = external_force(dims, m, &by.external, row, p);
     if (m->added_force)
       f = ms_add_vec(dims, f, load_added_force(dims, m->added_force, row, stride));
     f = add_spring_forces(dims, damped, s, slice, f);
-    bad |= check(update(dims, m, row, f, p));
+    bad |= check(update(dims, m, row, f, p, &by));
   }
   return is_nowhere(bad);
 }
 
 int ms_slice_pairs_step(const ms_model *model, const ms_fused_step *sweep, int damped,
                         int32_t begin, int32_t end) {
-  const pair_step s = {model, sweep, model->external};
+  const pair_step s = {model, sweep};
   if (model->unknowns.dims == 2)
     return damped ? step_pairs(2, 1, &s, begin, end) : step_pairs(2, 0, &s, begin, end);
   return damped ? step_pairs(3, 1, &s, begin, end) : step_pairs(3, 0, &s, begin, end);
