@@ -85,11 +85,12 @@ static inline void ms_simd_store(ms_real *to, ms_lanes v) { memcpy(to, &v, sizeo
  * stop at the ends of pages, and fall behind, it then fetches some pages ahead itself. */
 enum { MS_CACHE = 8 << 20 };
 
-/* Fetch the cache lines of so many bytes that far ahead of `from`, if there are any. */
+/* Fetch the cache lines of so many bytes that far ahead of `from`, if there are any: into the L2
+ * cache, which has more misses under way than L1, and room for what is fetched. */
 static inline void ms_simd_prefetch(const void *from, size_t bytes, size_t ahead) {
-  enum { LINE = 64 };
+  enum { LINE = 64, L2 = 2 };
   for (size_t at = 0; at < bytes; at += LINE)
-    __builtin_prefetch((const void *)((uintptr_t)from + ahead + at));
+    __builtin_prefetch((const void *)((uintptr_t)from + ahead + at), 0, L2);
 }
 
 /* from and to doubles, whatever the lanes hold */
