@@ -86,8 +86,9 @@ static inline void ms_simd_store(ms_real *to, ms_lanes v) { memcpy(to, &v, sizeo
 enum { MS_CACHE = 8 << 20 };
 
 /* Fetch the cache lines of so many bytes that far ahead of `from`, if there are any: into the L2
- * cache, which has more misses under way than L1, and room for what is fetched. */
-static inline void ms_simd_prefetch(const void *from, size_t bytes, size_t ahead) {
+ * cache, which has more misses under way than L1, and room for what is fetched. Always inlined, as
+ * GCC 12 drops calls of functions that only prefetch. */
+MS_INLINE void ms_simd_prefetch(const void *from, size_t bytes, size_t ahead) {
   enum { LINE = 64, L2 = 2 };
   for (size_t at = 0; at < bytes; at += LINE)
     __builtin_prefetch((const void *)((uintptr_t)from + ahead + at), 0, L2);

@@ -217,17 +217,16 @@ enum { CHUNK = 512 };
 
 /* Consecutive unknowns may lie far apart in val, on pages of their own. Prefetch for rows after r:
  * far ahead a number of each block row, many at a time, so that the processor translates several
- * addresses at once; nearer all lines of one, into the L2 cache, which has more misses under way
- * than L1. Inlined, as GCC 12 drops calls of functions that only prefetch. */
+ * addresses at once; nearer all lines of one. */
 MS_INLINE void prefetch_block_rows(const ms_sparse_matrix *m, int32_t r) {
-  enum { FAR = 64, NEAR = 16, LINE = 8, L2 = 2 }; /* rows; numbers in a line */
+  enum { FAR = 64, NEAR = 16 }; /* rows */
   for (int32_t q = r + FAR; r % FAR == 0 && q < r + 2 * FAR && q < m->n; q++)
-    __builtin_prefetch(m->val + m->row_offset[q], 0, L2);
+    ms_simd_prefetch(m->val + m->row_offset[q], 1, 0);
   if (r + NEAR >= m->n) return;
   const double *from = m->val + m->row_offset[r + NEAR];
-  const int32_t n = m->block * m->row_step[r + NEAR];
-  for (int32_t i = 0; i < n; i += LINE) __builtin_prefetch(from + i, 0, L2);
-  __builtin_prefetch(from + n - 1, 0, L2);
+  const size_t n = (size_t)(m->block * m->row_step[r + NEAR]);
+  ms_simd_prefetch(from, n * sizeof *from, 0);
+  ms_simd_prefetch(from + n - 1, 1, 0);
 }
 
 /* Two consecutive numbers of a row */
