@@ -14,9 +14,9 @@
  * The half-edges of a row have a fixed order.
  *
  * So f/l is computed twice for each spring. Keeping that of one half-edge for the other, in a ring
- * of as many rows as they are apart, saved a third to a half of the roots and divisions, but its
- * loads and stores took longer: 1.0 to 1.2 times the time of a step in double precision, 1.2 in
- * single (cloth of 32 x 32, lattice of 10^3, AVX2). */
+ * of as many rows as they are apart, saves a third to a half of the roots and divisions; but with
+ * its loads and stores steps take 0.95 to 1.2 times as long in double precision, 1.1 to 1.2 in
+ * single (cloth of 32 x 32, lattice of 10^3, AVX2; docs/performance_limits.md). */
 #ifndef MS_HALF_EDGES_H
 #define MS_HALF_EDGES_H
 
