@@ -45,26 +45,26 @@ enum { UNDAMPED, DAMPED, LIMITED_BY_DAMPING, KINDS };
   { &(method), &(method), &(method) }
 
 /* The candidates: methods and their evaluations per step in scenes of each kind; 0: measured.
- * first: evaluations at the first state, if there are many. control_tol: the tolerance of error
- * control over tol; 0: fixed steps. The leapfrog stands for all explicit methods of order 2. Its
- * forces depend on the velocities of half a step before: the errors of that are of order 1, yet
- * small where damping is weak, and velocity Verlet needs twice as many evaluations. Evaluations of
- * dop853 and rk6 count 13/12-fold, as they form so many sums; those of rkc follow from h. ssprk102,
- * ssprk104 and rk6 are for steps that damping limits, of which error control makes longer ones than
- * bounds on damping allow. Strong damping makes long steps of rkc with many stages least expensive;
- * these may become unstable, as motion across springs is not damped, so that error control may have
- * to shorten them. tr-bdf2 damps what long steps cannot resolve; implicit methods that do not damp
- * it have to resolve it, and take no longer steps than explicit ones. */
+ * conversions: evaluations at the first and last states, if these are converted. control_tol: the
+ * tolerance of error control over tol; 0: fixed steps. The leapfrog stands for all explicit methods
+ * of order 2. Its forces depend on the velocities of half a step before: the errors of that are of
+ * order 1, yet small where damping is weak, and velocity Verlet needs twice as many evaluations.
+ * Evaluations of dop853 and rk6 count 13/12-fold, as they form so many sums; those of rkc follow
+ * from h. ssprk102, ssprk104 and rk6 are for steps that damping limits, of which error control
+ * makes longer ones than bounds on damping allow. Strong damping makes long steps of rkc with many
+ * stages least expensive; these may become unstable, as motion across springs is not damped, so
+ * that error control may have to shorten them. tr-bdf2 damps what long steps cannot resolve; other
+ * implicit methods have to resolve it, and take no longer steps than explicit ones. */
 static const struct {
   const ms_integrator *method[KINDS];
   double evaluations[KINDS];
-  double first;
+  double conversions;
   double control_tol;
 } candidate_list[MS_CANDIDATES] = {
     [LEAPFROG_METHOD] = {ALWAYS(ms_verlet), {1, 1, 1}},
     [WITH_VELOCITIES] = {ALWAYS(ms_velocity_verlet), {1, 2, 2}},
     [LOCATED_IMPACTS] = {ALWAYS(ms_velocity_verlet), {1, 2, 2}},
-    [TAKAHASHI_IMADA] = {ALWAYS(ms_takahashi_imada), {2, 2, 2}, 51},
+    [TAKAHASHI_IMADA] = {ALWAYS(ms_takahashi_imada), {2, 2, 2}, 31},
     [FOURTH] = {{&ms_force_gradient, &ms_rk4, &ms_rk4}, {5, 4, 4}},
     [STABILISED] = {ALWAYS(ms_rkc), {2, 2, 2}},
     [SIXTH] = {ALWAYS(ms_rkn6), {11, 11, 11}},
@@ -157,7 +157,7 @@ static double longest_to_locate(const ms_pilot_run *p, const ms_integrator *meth
 static void set_cost(const ms_pilot_run *p, int i, ms_candidate *c) {
   if (c->method->stages)
     c->step_cost = c->method->stages(c->h, ms_bounds_compute_island(ms_pilot_run_model(p)));
-  c->cost_rate = c->step_cost / c->h + candidate_list[i].first / p->span;
+  c->cost_rate = c->step_cost / c->h + candidate_list[i].conversions / p->span;
   if (c->precision == MSIM_PRECISION_SINGLE) c->cost_rate /= 2;
   if (ms_verification_setup_is_for_events(p, c)) c->cost_rate *= EVENT_COST;
 }
@@ -170,16 +170,16 @@ static int is_limit_loose(const ms_pilot_run *p) { return p->damped && !p->plane
 static int are_trials_long(const ms_pilot_run *p) { return p->planes_count && p->many; }
 
 /* The cost, and for an untried method 4 times that of its trial, with fixed steps m of them, 2 m
- * half steps and two starts: most methods gain less than it seems. A long trial that only confirms
- * a step counts once. Error control is tried first, as it keeps tol wherever the motion becomes
- * rougher; but not if its trial is long and velocity Verlet needs but one evaluation. */
+ * half steps and two conversions: most methods gain less than it seems. A long trial that only
+ * confirms a step counts once. Error control is tried first, as it keeps tol wherever the motion
+ * becomes rougher; but not if its trial is long and velocity Verlet needs but one evaluation. */
 static double expected_cost(const ms_pilot_run *p, int i, const ms_candidate *c) {
   const int trial_counts =
       !is_controlled(i) || is_limit_loose(p) || (are_trials_long(p) && !p->damped);
   if (c->tried || !trial_counts) return c->cost_rate;
   const double trial = is_controlled(i) ? ms_control_trial_steps(p, c) * c->step_cost
                                         : 3 * c->step_cost * ms_pilot_run_trial_steps(p, c->h) +
-                                              2 * candidate_list[i].first;
+                                              2 * candidate_list[i].conversions;
   const int confirms = are_trials_long(p) && c->error > 0;
   return c->cost_rate + (confirms ? 1 : 4) * trial / p->span;
 }

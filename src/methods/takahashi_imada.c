@@ -80,21 +80,25 @@ static ms_fused_step make_stage_sweep(const ms_stepper *s, const double *velocit
                          .drift = C * s->h * s->h};
 }
 
-/* to = x + sum_k POWER[k] (-h^2/12 J)^(k + 1) x, with J x replaced by a(x), and J d for the higher
- * powers by a(x + d) - a(x): (1 - y - y^2 + ..) x for linear forces. A becomes a(x). */
-static void convert_x(const ms_stepper *s, const double *x, const double *velocities, double *to) {
-  enum { POWERS = 5 };
-  static const double POWER[POWERS] = {-1, -1, 0.33578852, 6.78221203, -5.88168404};
+/* Coefficients of the powers of y from y on, after 1: X/x, and x/X, with an error below 1.6 % */
+enum { POWERS = 5 };
+static const double TO_X[POWERS] = {-1, -1, 0.33578852, 6.78221203, -5.88168404},
+                    FROM_X[POWERS] = {1, 2, 10.16958365, -33.98535583, 22.50474748};
+
+/* to = x + sum_k power[k] (-h^2/12 J)^(k + 1) x, with J x replaced by a(x), and J d for the higher
+ * powers by a(x + d) - a(x): (1 + power[0] y + ..) x for linear forces. A becomes a(x). */
+static void convert_x(const ms_stepper *s, const double *power, const double *x,
+                      const double *velocities, double *to) {
   const ms_shape shape = s->model->state_shape;
   const double factor = -C * s->h * s->h;
   double *a = s->work[A], *stage = s->work[STAGE], *change = s->scratch;
   ms_fused_step_run(s->model, &(ms_fused_step){.x = x, .v = velocities, .a = a});
-  ms_vector_add_scaled(shape, x, POWER[0] * factor, a, to);
+  ms_vector_add_scaled(shape, x, power[0] * factor, a, to);
   ms_vector_add_scaled(shape, x, factor, a, stage);
   for (int k = 1; k < POWERS; k++) {
     ms_fused_step_run(s->model, &(ms_fused_step){.x = stage, .v = velocities, .a = change});
     ms_vector_axpy(shape, -1, a, change);
-    ms_vector_axpy(shape, POWER[k] * factor, change, to);
+    ms_vector_axpy(shape, power[k] * factor, change, to);
     ms_vector_add_scaled(shape, x, factor, change, stage);
   }
 }
@@ -135,7 +139,7 @@ static void takahashi_imada_kick(const ms_stepper *s, const double *v_from, doub
                     .x = s->work[STAGE], .v = velocities, .v_to = v_to, .v_from = v_from, .h = h});
 }
 
-enum { ROUNDS = 7 };
+enum { MOST_ROUNDS = 7, V_ROUNDS = 5 };
 
 /* y += w (y0 - to); returns |y0 - to|^2 */
 static double correct_toward(const ms_stepper *s, double w, const double *y0, const double *to,
@@ -146,25 +150,29 @@ static double correct_toward(const ms_stepper *s, double w, const double *y0, co
   return ms_vector_dot(shape, s->scratch, s->scratch);
 }
 
-/* Inverts the conversion, from X0, V0 to s->x, s->v, by x += w (X0 - X(x)), and v likewise. An
- * iteration multiplies the error of a mode by 1 - w X/x, about y for slow modes with w = 1. The
- * last ones are for fast modes, with X/x down to 0.51 and V/v = 1 + y up to 1.9. Returns 0 if it
- * diverges by more than rounding. */
+/* Inverts the conversion, from X0, V0 to s->x, s->v: x by the series for x/X, then x += X0 - X(x),
+ * once unless X is far from linear; v += w (V0 - V(v)) by iterations that multiply the error of a
+ * mode by 1 - w (1 + y), the last two for fast modes. Returns 0 if it diverges by more than
+ * rounding. */
 static int invert_conversion(ms_stepper *s) {
-  static const double OF_X[ROUNDS] = {1, 1, 1, 1, 1, 1 / 0.65, 1 / 0.53},
-                      OF_V[ROUNDS] = {1, 1, 1, 1, 1, 1 / 1.6, 1 / 1.85};
+  static const double LINEAR = 0.02, OF_V[V_ROUNDS] = {1, 1, 1, 1 / 1.6, 1 / 1.85};
+  const ms_shape shape = s->model->state_shape;
   const double *x0 = s->work[X0], *v0 = s->work[V0];
   const double *velocities = ms_stepper_is_separable(s) ? NULL : v0;
-  double off[ROUNDS];
-  for (int i = 0; i < ROUNDS; i++) {
-    convert_x(s, s->x, velocities, s->x_next);
-    off[i] = correct_toward(s, OF_X[i], x0, s->x_next, s->x);
+  const double rounding = (shape.single ? 1e-12 : 1e-24) * ms_vector_dot(shape, x0, x0);
+  convert_x(s, FROM_X, x0, velocities, s->x);
+  ms_vector_add_scaled(shape, s->x, -1, x0, s->scratch);
+  const double change = ms_vector_dot(shape, s->scratch, s->scratch);
+  double off = INFINITY;
+  for (int i = 0; i < MOST_ROUNDS && off > LINEAR * LINEAR * change + rounding; i++) {
+    convert_x(s, TO_X, s->x, velocities, s->x_next);
+    off = correct_toward(s, 1, x0, s->x_next, s->x);
   }
-  for (int i = 0; i < ROUNDS; i++) {
+  for (int i = 0; i < V_ROUNDS; i++) {
     convert_v(s, s->x, s->v, s->v_next);
     correct_toward(s, OF_V[i], v0, s->v_next, s->v);
   }
-  return off[ROUNDS - 1] <= off[0] + 1e-24 * ms_vector_dot(s->model->state_shape, x0, x0);
+  return off <= change + rounding;
 }
 
 /* Far beyond the longest stable step the conversion has no inverse: x and v stay as they are. */
@@ -206,7 +214,7 @@ static void takahashi_imada_show(const ms_stepper *s, double *x, double *v) {
     return;
   }
   takahashi_imada_kick(s, s->v, s->h / 2, v);
-  convert_x(s, s->x, find_velocities(s), x);
+  convert_x(s, TO_X, s->x, find_velocities(s), x);
   convert_v(s, s->x, v, v);
 }
 
