@@ -6,6 +6,7 @@
 #include "methods/methods.h"
 #include "sim/step_driver.h"
 #include "choose/control_trial.h"
+#include "choose/fast_turns.h"
 #include "choose/implicit_trial.h"
 #include "choose/multirate_trial.h"
 #include "choose/pilot_run.h"
@@ -357,8 +358,34 @@ static msim_status choose_candidate(ms_pilot_run *p, ms_method_choice *s, msim_e
   return status;
 }
 
+/* 1: the best makes fixed steps, whose length neither planes, strong damping nor few stiff springs
+ * decide. */
+static int is_by_plain_steps(const ms_pilot_run *p, const ms_method_choice *s) {
+  const int i = s->best;
+  return !p->planes_count && !is_controlled(i) && i != STABILISED && i != MULTIRATE;
+}
+
+/* Error control takes the place of fixed steps in which springs turn, unless its trial fails. */
+static msim_status choose_control(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
+  ms_candidate *of = s->candidates, c = of[ERROR_CONTROLLED];
+  msim_status status = MSIM_OK;
+  if (!c.tried || c.rejection) {
+    c.rejection = MS_REASON_NONE;
+    set_longest_step(p, ERROR_CONTROLLED, &c);
+    status = ms_control_trial_make(p, INFINITY, &c, err);
+  }
+  if (status || c.rejection) return status;
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (!is_controlled(i) && !of[i].rejection) of[i].rejection = MS_REASON_FAST_TURNS;
+  of[ERROR_CONTROLLED] = c;
+  s->best = ERROR_CONTROLLED;
+  return MSIM_OK;
+}
+
 static msim_status choose_method(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
   msim_status status = choose_candidate(p, s, err);
+  if (!status && is_by_plain_steps(p, s) && ms_fast_turns_are_there(p, s->candidates[s->best].h))
+    status = choose_control(p, s, err);
   ms_candidate *best = &s->candidates[s->best];
   const ms_trial trial = make_trial(p, best);
   if (!status) status = ms_verification_setup_measure(p, best, &trial, &s->verification, err);

@@ -15,9 +15,9 @@
  * does not suffice. Of order 2, ssprk102 does so if tol is 0.03 or more, and rkc if it is 1e-4 or
  * more and damping is so strong that steps may have many stages. The others take fixed steps: step
  * doubling costs half as much again, and control adds up errors that cancel, up to a hundredfold,
- * in methods that keep energy within bounds. Fixed steps are verified (step_verification.h). LSODA
- * (Petzold, SIAM J. Sci. Stat. Comput. 4 (1983) 136) likewise compares the steps that each method
- * could take.
+ * in methods that keep energy within bounds. Fixed steps are verified (step_verification.h), but
+ * dop853 takes their place where springs turn fast (fast_turns.h). LSODA (Petzold, SIAM J. Sci.
+ * Stat. Comput. 4 (1983) 136) likewise compares the steps that each method could take.
  *
  * Until a plane is close the choice is as without planes; then it is made anew. Frames are bound to
  * the steps with which the run began: error control then chooses substeps of these.
