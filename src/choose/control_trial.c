@@ -81,12 +81,16 @@ msim_status ms_control_trial_run(ms_pilot_run *p, msim_sim *trial, double t, dou
 }
 
 /* The factor by which error control will shorten its steps of h, as E/h ~ C h^k and C grows: by
- * g^(1/k); 1 at the limit of stability, `longest` or less, where other errors than those of the
- * motion decide. */
+ * g^(1/k), where g = 2 at most where damping limits steps, except those of rkc, as it removes some
+ * of what makes errors grow; 1 at the limit of stability, `longest` or less, where other errors
+ * than those of the motion decide. */
 static double later_shortening(const ms_pilot_run *p, const ms_candidate *c, double longest) {
   const double NEAR = 0.8;
   if (c->h > NEAR * longest) return 1;
-  return pow(p->step_growth, 1 / ms_control_make(c->method, c->control_tol, p->span).order);
+  const int is_damped = ms_pilot_run_is_limited_by_damping(p) && c->method != &ms_rkc;
+  const double most = is_damped ? 2 : INFINITY;
+  return pow(fmin(p->step_growth, most),
+             1 / ms_control_make(c->method, c->control_tol, p->span).order);
 }
 
 /* The first step of rk6 is mostly so long that the controller cuts it to a fifth; then steps

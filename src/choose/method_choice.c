@@ -313,8 +313,11 @@ static double least_tried_cost(const ms_pilot_run *p, int but, const ms_candidat
   return least;
 }
 
+/* Trials of rkc under error control are long: the first one ends where it costs three times as much
+ * as is expected, so that shorter trials of others come before a second one. */
 static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
   enum { PATIENCE = 6 };
+  const double LONG_TRIAL = 3;
   ms_candidate *c = s->candidates;
   double most[MS_CANDIDATES];
   int tries[MS_CANDIDATES] = {0};
@@ -323,7 +326,9 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
   for (s->best = most_promising(p, c); !status && !c[s->best].tried;
        s->best = most_promising(p, c)) {
     const int i = s->best;
-    const double least = least_tried_cost(p, i, c);
+    double least = least_tried_cost(p, i, c);
+    if (i == STABILISED_CONTROLLED && tries[i] == 0)
+      least = fmin(least, LONG_TRIAL * c[i].cost_rate);
     c[i].rejection = MS_REASON_NONE;
     status = is_controlled(i) ? ms_control_trial_make(p, least, &c[i], err)
                               : try_candidate_step(p, i, least, &c[i], &most[i], err);
