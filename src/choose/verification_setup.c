@@ -35,14 +35,15 @@ int ms_verification_setup_is_for_events(const ms_pilot_run *p, const ms_candidat
  * tol/E, at least tol h/T, and at most tol/4, or 4 e tol/E if that is more where particles are many
  * and no plane is near. e: that of a step at the choice; E: the error predicted without the growth
  * to come. Away from planes tol counts as 0.01 at most, as larger errors do not add up as small
- * ones do. A measured step may contain an event, whose error and indicators are not typical: so
- * several are measured, but only one of many particles, where all steps are alike. */
+ * ones do. A measured step may contain an impact, whose error and indicators are not typical: so
+ * several are measured, but only one of many particles, or away from planes, where steps are
+ * alike. */
 msim_status ms_verification_setup_measure(ms_pilot_run *p, const ms_candidate *c,
                                           const ms_trial *trial, ms_step_verification *v,
                                           msim_error *err) {
   const double CARE = 50, SOME = 4, MOST = p->planes_count ? INFINITY : 0.01;
   const double tol = fmin(p->tol, MOST), event = tol / 4;
-  const int n = p->many ? 1 : MS_MEASURED_STEPS;
+  const int n = p->many || !p->planes_count ? 1 : MS_MEASURED_STEPS;
   ms_step_measurement s[MS_MEASURED_STEPS];
   v->scales = p->scales;
   v->planes_far = ms_scene_has_obstacles(p->sim->scene) && !p->planes_count;
