@@ -1,8 +1,8 @@
 /* Tests of reproducibility: hashes of the final states of runs, for each instruction set, as stored
  * in golden.txt. They depend neither on the compiler nor on static or shared linking. A change that
- * changes bits on purpose renews the file, on a machine with all instruction sets, and says so:
+ * changes bits on purpose renews the file, on a machine with AVX2, and says so:
  *
- *     for isa in baseline avx2 avx512; do MSIM_ISA=$isa test_golden print; done >tests/golden.txt
+ *     for isa in baseline avx2 avx512; do MSIM_ISA=$isa test_golden_emulated print; done
  *
  * Direct solvers are left out, as their BLAS chooses its own kernels. */
 #include <inttypes.h>

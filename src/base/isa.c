@@ -9,6 +9,9 @@ int ms_isa_find(const char *name) {
 #ifdef MSIM_X86_KERNELS
   if (strcmp(name, "avx2") == 0 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
     return MS_ISA_AVX2;
+#  ifdef MSIM_EMULATE_AVX512 /* tests/emulated_avx512.h */
+  if (strcmp(name, "avx512") == 0 && ms_isa_find("avx2") >= 0) return MS_ISA_AVX512;
+#  endif
   if (strcmp(name, "avx512") == 0 && __builtin_cpu_supports("avx512f") &&
       __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma"))
     return MS_ISA_AVX512;
