@@ -18,7 +18,7 @@
 #endif
 
 /* Floats fill registers of 8 lanes, as half-edges come in slices of 8; slice_pair_kernels.c defines
- * MS_LANES to fill 16. Tests define it to run the code for 8 doubles with registers of 4. */
+ * MS_LANES to fill 16. */
 #ifdef MS_SINGLE
 #  define MS_LANES_OF(doubles, floats) floats
 #else
@@ -64,7 +64,7 @@ typedef float ms_floats __attribute__((vector_size(4 * MS_LANES)));
 #elif defined(MS_SINGLE)
 #elif defined(__AVX512F__)
 #  define MS_WIDE(op) _mm512_##op##_pd
-#elif defined(__AVX__) && MS_LANES == 4
+#elif defined(__AVX__)
 #  define MS_WIDE(op) _mm256_##op##_pd
 #endif
 
@@ -122,7 +122,7 @@ static inline ms_lanes ms_simd_load_floats(const float *from) { return ms_simd_l
 static inline ms_lanes ms_simd_load_floats(const float *from) {
 #  if defined(__AVX512F__)
   return (ms_lanes)_mm512_cvtps_pd(_mm256_loadu_ps(from));
-#  elif defined(__AVX__) && MS_LANES == 4
+#  elif defined(__AVX__)
   return (ms_lanes)_mm256_cvtps_pd(_mm_loadu_ps(from));
 #  else
   ms_floats v;
@@ -134,7 +134,7 @@ static inline ms_lanes ms_simd_load_floats(const float *from) {
 static inline void ms_simd_store_floats(float *to, ms_lanes v) {
 #  if defined(__AVX512F__)
   _mm256_storeu_ps(to, _mm512_cvtpd_ps(v));
-#  elif defined(__AVX__) && MS_LANES == 4
+#  elif defined(__AVX__)
   _mm_storeu_ps(to, _mm256_cvtpd_ps(v));
 #  else
   const ms_floats narrow = __builtin_convertvector(v, ms_floats);
@@ -280,9 +280,6 @@ static inline ms_lanes ms_simd_upper(ms_lanes a, ms_lanes b) {
 static inline ms_lanes ms_simd_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #if defined(MS_WIDE) && (defined(__FMA__) || defined(__AVX512F__))
   return MS_WIDE(fmadd)(a, b, c);
-#elif defined(__FMA__)
-  for (int l = 0; l < MS_LANES; l++) c[l] = fma(a[l], b[l], c[l]);
-  return c;
 #else
   return a * b + c;
 #endif
@@ -292,8 +289,6 @@ static inline ms_lanes ms_simd_fma(ms_lanes a, ms_lanes b, ms_lanes c) {
 static inline ms_lanes ms_simd_fnma(ms_lanes a, ms_lanes b, ms_lanes c) {
 #if defined(MS_WIDE) && (defined(__FMA__) || defined(__AVX512F__))
   return MS_WIDE(fnmadd)(a, b, c);
-#elif defined(__FMA__)
-  return ms_simd_fma(-a, b, c);
 #else
   return c - a * b;
 #endif
