@@ -143,7 +143,8 @@ static void the_start_inverts_the_change_of_variables(void **state) {
     const msim_options opt = options("takahashi-imada", 1);
     msim_sim *sim = make_sim(scene, &opt);
     ms_stepper *s = &sim->islands->stepper;
-    const double y = w * w / 12, stretched = s->work[2][0] - 1, speed = s->work[3][0];
+    const double *const *start = (const double *const *)s->work + ms_takahashi_imada.carried_at;
+    const double y = w * w / 12, stretched = start[0][0] - 1, speed = start[1][0];
     s->cached_stage = 0;
     ms_takahashi_imada.convert_state(s, s->x_next, s->v_next);
     const double x_off = fabs((s->x_next[0] - 1) / stretched - 1),

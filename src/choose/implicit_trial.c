@@ -11,7 +11,7 @@ static int is_limited_by_stability(const ms_pilot_run *p, const ms_candidate *c)
   return c->control_tol > 0 ? c->h > reach / 2 : c->h == reach;
 }
 
-/* Evaluations of a step of tr-bdf2, which is made whole and in two halves, of two stages each,
+/* Evaluations of a step of tr-bdf2, which is made whole and as two half steps, of two stages each,
  * while Newton's method converges quickly; iterations by linear/iteration_estimate.h. Conjugate
  * gradients need no more iterations than there are unknowns. */
 static double predict_step_cost(const ms_model *model, double h) {

@@ -80,7 +80,8 @@ static ms_fused_step make_stage_sweep(const ms_stepper *s, const double *velocit
                          .drift = C * s->h * s->h};
 }
 
-/* Coefficients of the powers of y from y on, after 1: X/x, and x/X, with an error below 1.6 % */
+/* Coefficients of y, y^2, .. in X/x, and in x/X, whose largest error for y <= 0.9 is 1.6 %; both
+ * series begin with 1. */
 enum { POWERS = 5 };
 static const double TO_X[POWERS] = {-1, -1, 0.33578852, 6.78221203, -5.88168404},
                     FROM_X[POWERS] = {1, 2, 10.16958365, -33.98535583, 22.50474748};
