@@ -15,15 +15,22 @@ double ms_control_trial_stable_step(const ms_pilot_run *p, const ms_integrator *
   return ms_pilot_run_stable_step(p, method == &ms_rk6 ? &ms_ssprk104 : method);
 }
 
+/* Of the relaxed tolerance: the largest, and the least over tol */
+static const double LARGEST = 0.1, LEAST = 10;
+
+double ms_control_trial_relaxed_tol(double tol) {
+  const double MOST = 50;
+  return fmin(MOST, fmax(LEAST, LARGEST / tol)) * tol;
+}
+
 /* 1: a step of h with the relaxed tolerance adds at most tol/4 to the error. */
 static int adds_little(const ms_pilot_run *p, double h) {
   const double MOST = 0.25;
-  return MS_RELAXED * h <= MOST * p->span;
+  return ms_control_trial_relaxed_tol(p->tol) * h <= MOST * p->tol * p->span;
 }
 
 int ms_control_trial_may_relax(const ms_pilot_run *p, const ms_integrator *method) {
-  const double MOST = 0.1;
-  return ms_pilot_run_is_limited_by_damping(p) && !p->planes_count && MS_RELAXED <= MOST / p->tol &&
+  return ms_pilot_run_is_limited_by_damping(p) && !p->planes_count && LEAST * p->tol <= LARGEST &&
          adds_little(p, ms_control_trial_stable_step(p, method));
 }
 

@@ -46,21 +46,22 @@ enum { UNDAMPED, DAMPED, LIMITED_BY_DAMPING, KINDS };
   { &(method), &(method), &(method) }
 
 /* The candidates: methods and their evaluations per step in scenes of each kind; 0: measured.
- * conversions: evaluations at the first and last states, if these are converted. control_tol: the
- * tolerance of error control over tol; 0: fixed steps. The leapfrog stands for all explicit methods
- * of order 2. Its forces depend on the velocities of half a step before: the errors of that are of
- * order 1, yet small where damping is weak, and velocity Verlet needs twice as many evaluations.
- * Evaluations of dop853 and rk6 count 13/12-fold, as they form so many sums; those of rkc follow
- * from h. ssprk102, ssprk104 and rk6 are for steps that damping limits, of which error control
- * makes longer ones than bounds on damping allow. Strong damping makes long steps of rkc with many
- * stages least expensive; these may become unstable, as motion across springs is not damped, so
- * that error control may have to shorten them. tr-bdf2 damps what long steps cannot resolve; other
- * implicit methods have to resolve it, and take no longer steps than explicit ones. */
+ * conversions: evaluations at the first and last states, if these are converted. control: steps are
+ * fixed, or under error control with tol, or with the relaxed tolerance (control_trial.h). The
+ * leapfrog stands for all explicit methods of order 2. Its forces depend on the velocities of half
+ * a step before: the errors of that are of order 1, yet small where damping is weak, and velocity
+ * Verlet needs twice as many evaluations. Evaluations of dop853 and rk6 count 13/12-fold, as they
+ * form so many sums; those of rkc follow from h. ssprk102, ssprk104 and rk6 are for steps that
+ * damping limits, of which error control makes longer ones than bounds on damping allow. Strong
+ * damping makes long steps of rkc with many stages least expensive; these may become unstable, as
+ * motion across springs is not damped, so that error control may have to shorten them. tr-bdf2
+ * damps what long steps cannot resolve; other implicit methods have to resolve it, and take no
+ * longer steps than explicit ones. */
 static const struct {
   const ms_integrator *method[KINDS];
   double evaluations[KINDS];
   double conversions;
-  double control_tol;
+  enum { FIXED, WITH_TOL, RELAXED } control;
 } candidate_list[MS_CANDIDATES] = {
     [LEAPFROG_METHOD] = {ALWAYS(ms_verlet), {1, 1, 1}},
     [WITH_VELOCITIES] = {ALWAYS(ms_velocity_verlet), {1, 2, 2}},
@@ -70,14 +71,14 @@ static const struct {
     [STABILISED] = {ALWAYS(ms_rkc), {2, 2, 2}},
     [SIXTH] = {ALWAYS(ms_rkn6), {11, 11, 11}},
     [EIGHTH] = {ALWAYS(ms_dop853), {13, 13, 13}},
-    [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = 1},
-    [STABILISED_CONTROLLED] = {ALWAYS(ms_rkc), {2, 2, 2}, .control_tol = 1},
-    [DAMPING_CONTROLLED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control_tol = 1},
-    [LOW_ORDER_CONTROLLED] = {ALWAYS(ms_ssprk102), {10, 10, 10}, .control_tol = 1},
-    [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control_tol = MS_RELAXED},
-    [DAMPING_RELAXED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control_tol = MS_RELAXED},
+    [ERROR_CONTROLLED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control = WITH_TOL},
+    [STABILISED_CONTROLLED] = {ALWAYS(ms_rkc), {2, 2, 2}, .control = WITH_TOL},
+    [DAMPING_CONTROLLED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control = WITH_TOL},
+    [LOW_ORDER_CONTROLLED] = {ALWAYS(ms_ssprk102), {10, 10, 10}, .control = WITH_TOL},
+    [ERROR_RELAXED] = {{&ms_dop853, &ms_dop853, &ms_rk6}, {13, 13, 12}, .control = RELAXED},
+    [DAMPING_RELAXED] = {ALWAYS(ms_ssprk104), {10, 10, 10}, .control = RELAXED},
     [MULTIRATE] = {ALWAYS(ms_respa), {0}},
-    [IMPLICIT] = {ALWAYS(ms_tr_bdf2), {0}, .control_tol = 1}};
+    [IMPLICIT] = {ALWAYS(ms_tr_bdf2), {0}, .control = WITH_TOL}};
 
 /*------------------------------------- explicit ones --------------------------------------------*/
 
@@ -96,8 +97,8 @@ static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
 static int needs_velocities(const ms_pilot_run *p) { return p->mid_run || !p->many; }
 
 static int is_order_two(int i) { return i == LEAPFROG_METHOD || i == WITH_VELOCITIES; }
-static int is_controlled(int i) { return candidate_list[i].control_tol > 0; }
-static int is_relaxed(int i) { return candidate_list[i].control_tol > 1; }
+static int is_controlled(int i) { return candidate_list[i].control != FIXED; }
+static int is_relaxed(int i) { return candidate_list[i].control == RELAXED; }
 static int is_for_damping(int i) {
   return i == STABILISED || i == STABILISED_CONTROLLED || i == DAMPING_CONTROLLED ||
          i == LOW_ORDER_CONTROLLED || is_relaxed(i);
@@ -198,9 +199,11 @@ static void set_longest_step(const ms_pilot_run *p, int i, ms_candidate *c) {
 static void init_candidate(const ms_pilot_run *p, int i, ms_candidate *c) {
   const int located = is_controlled(i) ? ms_scene_has_obstacles(p->sim->scene)
                                        : p->planes_count && !is_order_two(i);
+  const double tol[] = {
+      [FIXED] = 0, [WITH_TOL] = p->tol, [RELAXED] = ms_control_trial_relaxed_tol(p->tol)};
   *c = (ms_candidate){.method = candidate_method(p, i),
                       .collision = located ? MSIM_COLLISION_EVENT : MSIM_COLLISION_REFLECT,
-                      .control_tol = candidate_list[i].control_tol * p->tol,
+                      .control_tol = tol[candidate_list[i].control],
                       .step_cost = candidate_list[i].evaluations[kind_of_scene(p)],
                       .cost_rate = INFINITY,
                       .rejection = find_rejection(p, i)};
