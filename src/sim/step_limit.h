@@ -7,7 +7,9 @@
 
 /* The fraction of the stability limit that h = auto takes. At the limit itself the fastest mode
  * grows, if slowly; just below it its amplitude is uncertain: with Verlet by the factor 1/sqrt(1 -
- * z^2/4), z = h omega, which is 2.3 here. */
+ * z^2/4), z = h omega, which is 2.3 here. In 40,000 steps of velocity-verlet the energy of undamped
+ * ropes changes by 0.008, 0.02, 0.06, 4.1 and 6.1 times their largest kinetic energy with fractions
+ * of 0.5, 0.8, 0.9, 0.97 and 0.99 (the median of 59). */
 #define MS_STABLE_FRACTION 0.9
 
 typedef struct ms_step_limit {
