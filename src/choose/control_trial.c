@@ -16,7 +16,7 @@ double ms_control_trial_stable_step(const ms_pilot_run *p, const ms_integrator *
 }
 
 /* Of the relaxed tolerance: the largest, and the least over tol */
-static const double LARGEST = 0.1, LEAST = 10;
+static const double LARGEST = 0.1, LEAST = 8;
 
 double ms_control_trial_relaxed_tol(double tol) {
   const double MOST = 50;

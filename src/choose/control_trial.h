@@ -23,11 +23,12 @@
  * short, as some mode may be damped little. */
 double ms_control_trial_stable_step(const ms_pilot_run *p, const ms_integrator *method);
 
-/* The relaxed tolerance is 0.1, but no more than 50 tol and no less than 10 tol. It is a candidate
- * where damping limits the steps and no plane counts, if it is 0.1 at most, and if a step, of the
- * trial, too, adds at most tol/4, as the errors of motion that becomes rougher do not decay.
- * Verified steps have the same limits (verification_setup.c). So the run has 200 steps or more, 40
- * with 10 tol: in shorter ones the trial would cost more than it saves. */
+/* The relaxed tolerance is 0.1, but no more than 50 tol and no less than 8 tol. It is a candidate
+ * where damping limits the steps and no plane counts, if it is 0.1 at most (so with tol = 0.01,
+ * however rounded), and if a step, of the trial, too, adds at most tol/4, as the errors of motion
+ * that becomes rougher do not decay. Verified steps have the same limits (verification_setup.c). So
+ * the run has 200 steps or more, 40 with 10 tol: in shorter ones the trial would cost more than it
+ * saves. */
 double ms_control_trial_relaxed_tol(double tol);
 int ms_control_trial_may_relax(const ms_pilot_run *p, const ms_integrator *method);
 
