@@ -224,6 +224,21 @@ static void errors_grow_most_where_damping_is_weak(void **state) {
   assert_true(growth[2] > 2 && growth[2] <= 4);
 }
 
+/* Where the motion has just begun it counts once for orders above 2, and is at most fourfold. */
+static void errors_of_high_order_grow_less_at_a_start_from_rest(void **state) {
+  (void)state;
+  msim_scene *started = hanging_cloth(9, 1e4, 0), *starts = hanging_cloth(9, 1e5, 0);
+  const ms_pilot_run first = make_run(started), last = make_run(starts);
+  assert_false(first.has_just_begun);
+  assert_true(first.step_growth > 3 && first.step_growth < 4);
+  assert_close(ms_pilot_run_growth(&first, 3), pow(first.step_growth, 2), 1e-12);
+  assert_true(last.has_just_begun);
+  assert_close(ms_pilot_run_growth(&last, 2), 2 * 4 * 4, 0);
+  assert_close(ms_pilot_run_growth(&last, 3), 4, 0);
+  assert_close(ms_pilot_run_growth(&last, 8), 4, 0);
+  msim_scene_destroy(started), msim_scene_destroy(starts);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(it_ends_with_the_part_of_an_impact),
@@ -234,6 +249,7 @@ int main(void) {
       cmocka_unit_test(expensive_trials_end),
       cmocka_unit_test(paths_of_other_methods_count),
       cmocka_unit_test(paths_count),
-      cmocka_unit_test(errors_grow_most_where_damping_is_weak)};
+      cmocka_unit_test(errors_grow_most_where_damping_is_weak),
+      cmocka_unit_test(errors_of_high_order_grow_less_at_a_start_from_rest)};
   return cmocka_run_group_tests_name("pilot_run", tests, NULL, NULL);
 }

@@ -214,6 +214,7 @@ double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h) {
 }
 
 double ms_pilot_run_growth(const ms_pilot_run *p, int order) {
+  if (p->has_just_begun && order > 2) return p->step_growth;
   return p->error_growth * (order <= 2 && !p->planes_count ? 2 : 1);
 }
 
@@ -338,8 +339,10 @@ static msim_status make_pilot_run(ms_pilot_run *p, const ms_trial *pilot, msim_e
 
 /* Set p->step_growth: g = (error of a step at the end)/(that in the middle of the pilot run),
  * 1 <= g <= 4; with planes 1. And p->error_growth: g, or g^2 unless damping is strong; with planes
- * 10, as later impacts may have larger errors. */
+ * 10, as later impacts may have larger errors. And p->has_just_begun: the errors go like t^2.2 or a
+ * higher power of the time since the start. */
 static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error *err) {
+  const double MOST = 4, BEGINNING = 4.5;
   double now, before;
   p->step_growth = 1;
   p->error_growth = p->planes_count ? 10 : 1;
@@ -348,7 +351,8 @@ static msim_status find_growth(ms_pilot_run *p, const ms_trial *step, msim_error
   if (!status) status = compare_half_steps(p, step, 1, &p->end, &now, err);
   if (status) return status;
   const double ratio = now / fmax(before, p->scales.rounding);
-  p->step_growth = fmax(1, fmin(ratio, 4));
+  p->has_just_begun = ratio > BEGINNING;
+  p->step_growth = fmax(1, fmin(ratio, MOST));
   p->error_growth = pow(p->step_growth, ms_pilot_run_is_limited_by_damping(p) ? 1 : 2);
   return MSIM_OK;
 }

@@ -46,6 +46,7 @@ typedef struct ms_pilot_run {
   double duration, error_growth; /* s: length of the pilot run; factor by which errors may grow,
                                       >= 1 */
   double step_growth;            /* that by which errors of equal steps may grow, 1 to 4 */
+  int has_just_begun;            /* they grow so fast that the motion has just begun */
   int met_plane;                 /* the pilot run has met a plane */
   int planes_count;              /* planes count: the pilot run met one, or one is close */
   int mid_run;                   /* the run has begun before: new steps must divide its own */
@@ -81,7 +82,9 @@ double ms_pilot_run_trial_steps(const ms_pilot_run *p, double h);
 
 /* The factor by which the error of such a method is assumed to grow until the end of the run, apart
  * from linear growth: twice as much with order 2. Without that 16 such runs in 400 random cloths,
- * ropes and solids exceeded tol, with it 6 do. */
+ * ropes and solids exceeded tol, with it 6 do. Of orders above 2 it is that of steps if the motion
+ * has just begun: trials show errors of fast vibrations, which do not grow as motion does. With its
+ * square, as else, predicted errors were 7 times too large or more in 45 of 49 such runs. */
 double ms_pilot_run_growth(const ms_pilot_run *p, int order);
 
 /* The error at the end of the run with these fixed steps, in the norm of pilot_run.c; INFINITY:
