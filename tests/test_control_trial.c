@@ -5,6 +5,7 @@
 
 #include "auto_scenes.h"
 #include "checkpoints.h"
+#include "choose/candidates.h"
 #include "choose/control_trial.h"
 #include "choose/rejection_reasons.h"
 #include "methods/methods.h"
@@ -107,6 +108,25 @@ static void it_keeps_tol_and_saves_evaluations(void **state) {
   assert_true(relaxed >= 3);
   msim_sim_destroy(exact);
   msim_scene_destroy(scene);
+}
+
+/* Longer steps with a larger tolerance, and steps of another method of order 2, cost no less than
+ * trials let expect: so neither is tried. E/h ~ h^3 in the estimate of ssprk104. */
+static void trials_show_what_others_cost(void **state) {
+  (void)state;
+  msim_scene *scene = swinging_rope(32, 2e4, 8);
+  const msim_options opt = options_of("auto", 1e-6, 0.5);
+  msim_sim *sim = make_sim(scene, &opt);
+  const ms_candidate *c = sim->config.choice.candidates, *with_tol = &c[MS_DAMPING_CONTROLLED],
+                     *relaxed = &c[MS_DAMPING_RELAXED], *verlet = &c[MS_WITH_VELOCITIES];
+  const double least = sim->config.choice.candidates[sim->config.choice.best].cost_rate;
+  assert_true(with_tol->tried && !relaxed->tried && relaxed->error == 0);
+  assert_close(relaxed->cost_rate, 10 / (with_tol->h * cbrt(50)), 1e-9);
+  assert_true(relaxed->cost_rate > least);
+  assert_true(c[MS_STABILISED].error > 0 && verlet->error == 0);
+  assert_close(verlet->cost_rate, 2 / (3 * c[MS_STABILISED].h), 1e-9);
+  assert_true(verlet->cost_rate > least && 2 / verlet->h < least);
+  msim_sim_destroy(sim), msim_scene_destroy(scene);
 }
 
 /* In a short run a candidate by the bound on its steps may turn out to take longer ones. */
@@ -252,6 +272,7 @@ int main(void) {
                                      cmocka_unit_test(few_particles_keep_dop853),
                                      cmocka_unit_test(it_keeps_tol_and_saves_evaluations),
                                      cmocka_unit_test(an_error_that_is_too_large_is_seen),
+                                     cmocka_unit_test(trials_show_what_others_cost),
                                      cmocka_unit_test(steps_that_turn_out_too_long_are_rejected),
                                      cmocka_unit_test(its_checkpoints_continue_it),
                                      cmocka_unit_test(checkpoints_name_all_candidates),

@@ -122,7 +122,7 @@ static msim_status check_relaxed(ms_pilot_run *p, msim_sim *trial, ms_candidate 
   return status;
 }
 
-/* Evaluations of dop853 and rk6 count more, as they form so many sums (method_choice.c). */
+/* Evaluations of dop853 and rk6 count more, as they form so many sums (candidates.c). */
 msim_status ms_control_trial_make(ms_pilot_run *p, double least, ms_candidate *c, msim_error *err) {
   const int has_sums = c->method == &ms_dop853 || c->method == &ms_rk6;
   const double SUMS = has_sums ? 13. / 12 : 1;

@@ -3,9 +3,9 @@
  * Costs are counted, never timed, in force evaluations per simulated second: the evaluations of a
  * step over its length, which is as long as stability and accuracy allow. The cost that follows
  * from stability is a lower bound. The least expensive method is tried (pilot_run.h), which mostly
- * raises its cost, until the least expensive one has been tried: methods that cannot win are never
- * tried. An untried method also costs four times its trial, as few turn out as inexpensive as their
- * bound: a run of a hundred steps gets a method that is easily found.
+ * raises its cost, and that of methods alike, until the least expensive one has been tried: methods
+ * that cannot win are never tried. An untried method also costs four times its trial, as few turn
+ * out as inexpensive as their bound: a run of a hundred steps gets a method that is easily found.
  *
  * tr-bdf2, dop853 and methods for damping run under error control, too. dop853 does so over a part
  * of the pilot run (of at most 6 steps unless planes count), which yields its cost, and is the only
