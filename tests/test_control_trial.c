@@ -40,6 +40,7 @@ static void where_a_larger_tolerance_is_a_candidate(void **state) {
              {1, 3e-3, 1, 0, MS_REASON_NONE, 1},
              {1, 0.1 * 0.1, 1, 0, MS_REASON_NONE, 1},
              {1, 0.013, 1, 0, MS_REASON_NOT_RELAXED, 0},
+             {1, 0.01, 0.1, 0, MS_REASON_NONE, 0},
              {1, 0.01, 0.02, 0, MS_REASON_NOT_RELAXED, 0},
              {1, 1e-3, 0.1, 0, MS_REASON_NOT_RELAXED, 0},
              {0.01, 1e-3, 5, 0, MS_REASON_WEAKLY_DAMPED, 1},

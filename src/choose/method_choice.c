@@ -79,12 +79,12 @@ static void expect_fixed_steps(const ms_pilot_run *p, double h, ms_candidate *fi
   ms_candidate_set_cost(p, MS_EIGHTH, fixed);
 }
 
-/* Raise the cost of an untried candidate to that of steps of h, if they turn out no longer than its
- * longest ones: it may then do without a trial, which would still begin with its longest step. */
+/* Raise the cost of an untried candidate to that of steps of h: it may then do without a trial,
+ * which would still begin with its longest step. */
 static void expect_steps(const ms_pilot_run *p, int i, double h, ms_candidate *c) {
   if (c->tried || c->rejection || c->error > 0) return;
   ms_candidate steps = *c;
-  steps.h = fmin(h, c->h);
+  steps.h = h;
   ms_candidate_set_cost(p, i, &steps);
   c->cost_rate = fmax(c->cost_rate, steps.cost_rate);
 }
