@@ -3,7 +3,7 @@
 # minutes at most, and --full takes all, and what takes longer or depends on chance. tools/packages has
 # what each slice needs, under its name.
 turns=(clang_bits "documentation player" kills debian quick_benches "recipes fully_static"
-  "failing_allocations paraview" sanitized_runs sanitized_contact sanitized_solvers
+  "failing_allocations paraview" sanitized_methods sanitized_runs sanitized_contact sanitized_solvers
   thread_sanitizer coverage memory_errors memory_errors_of_newton "static_analysis instructions"
   fuzzing python)
 read -ra slices <<<"${turns[*]} wheels mutations"
@@ -60,6 +60,7 @@ sanitized() {
     '-DMSIM_TEST_PROGRAMS_EXCLUDED=^$'
   tests asan -LE full -R "$1"
 }
+sanitized_methods() { sanitized "$long_methods"; }
 sanitized_runs() { sanitized "$long_runs"; }
 sanitized_contact() { sanitized "$long_contact"; }
 sanitized_solvers() { sanitized "$long_solvers"; }

@@ -8,8 +8,9 @@
  * first impact, and they are tried from the start of that: steps of h and twice as many of h/2 give
  * the error of h by Richardson extrapolation; it is assumed to grow linearly over the run. A start
  * at rest is not typical: the growth of errors in the second half of the pilot run is assumed to
- * occur once more, and twice unless damping is strong. Verification detects larger growth. After a
- * sixteenth of the run, errors of a hanging cloth would be predicted 30 times too small. */
+ * occur once more, and twice unless damping is strong, or the motion has just begun and the order
+ * is above 2. Verification detects larger growth. After a sixteenth of the run, errors of a hanging
+ * cloth would be predicted 30 times too small. */
 #ifndef MS_PILOT_RUN_H
 #define MS_PILOT_RUN_H
 
@@ -46,7 +47,7 @@ typedef struct ms_pilot_run {
   double duration, error_growth; /* s: length of the pilot run; factor by which errors may grow,
                                       >= 1 */
   double step_growth;            /* that by which errors of equal steps may grow, 1 to 4 */
-  int has_just_begun;            /* they grow so fast that the motion has just begun */
+  int has_just_begun;            /* in the pilot run they grow as where motion has just begun */
   int met_plane;                 /* the pilot run has met a plane */
   int planes_count;              /* planes count: the pilot run met one, or one is close */
   int mid_run;                   /* the run has begun before: new steps must divide its own */
