@@ -68,7 +68,8 @@ static const ms_integrator *candidate_method(const ms_pilot_run *p, int i) {
  * halved: steps are verified or divided. */
 static int needs_velocities(const ms_pilot_run *p) { return p->mid_run || !p->many; }
 
-static int is_order_two(int i) { return i == MS_LEAPFROG || i == MS_WITH_VELOCITIES; }
+/* 1: with planes its impacts are reflected at the ends of steps. */
+static int is_reflected(int i) { return i == MS_LEAPFROG || i == MS_WITH_VELOCITIES; }
 int ms_candidate_is_controlled(int i) { return candidate_list[i].control != FIXED; }
 int ms_candidate_is_relaxed(int i) { return candidate_list[i].control == RELAXED; }
 static int is_for_damping(int i) {
@@ -102,10 +103,10 @@ static int find_rejection(const ms_pilot_run *p, int i) {
   const int planes = p->planes_count, by_verlet = !needs_velocities(p);
   if (i == MS_LEAPFROG && !by_verlet) return MS_REASON_INDIVISIBLE;
   if (i == MS_WITH_VELOCITIES && by_verlet && (planes || !p->damped)) return MS_REASON_VERLET;
-  if (is_order_two(i) && planes && p->sim->scene->nparticles <= FEW) return MS_REASON_FEW_IMPACTS;
-  if (is_order_two(i) && planes && p->sim->config.choice.collision == MSIM_COLLISION_EVENT)
+  if (is_reflected(i) && planes && p->sim->scene->nparticles <= FEW) return MS_REASON_FEW_IMPACTS;
+  if (is_reflected(i) && planes && p->sim->config.choice.collision == MSIM_COLLISION_EVENT)
     return MS_REASON_TO_BE_LOCATED;
-  if (is_order_two(i) && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;
+  if (is_reflected(i) && planes && !p->met_plane) return MS_REASON_NO_IMPACTS_YET;
   if (i == MS_LOCATED_IMPACTS && !planes) return MS_REASON_NO_IMPACTS;
   if (i == MS_TAKAHASHI_IMADA && planes) return MS_REASON_NO_PLANES;
   if (i == MS_SIXTH && p->damped) return MS_REASON_DAMPED;
@@ -167,7 +168,7 @@ void ms_candidate_set_longest_step(const ms_pilot_run *p, int i, ms_candidate *c
 
 void ms_candidate_init(const ms_pilot_run *p, int i, ms_candidate *c) {
   const int located = ms_candidate_is_controlled(i) ? ms_scene_has_obstacles(p->sim->scene)
-                                                    : p->planes_count && !is_order_two(i);
+                                                    : p->planes_count && !is_reflected(i);
   const double tol[] = {
       [FIXED] = 0, [WITH_TOL] = p->tol, [RELAXED] = ms_control_trial_relaxed_tol(p->tol)};
   *c = (ms_candidate){.method = candidate_method(p, i),

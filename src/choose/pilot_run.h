@@ -47,7 +47,8 @@ typedef struct ms_pilot_run {
   double duration, error_growth; /* s: length of the pilot run; factor by which errors may grow,
                                       >= 1 */
   double step_growth;            /* that by which errors of equal steps may grow, 1 to 4 */
-  int has_just_begun;            /* in the pilot run they grow as where motion has just begun */
+  int has_just_begun;            /* 1: they grow more than 4.5-fold in half of the pilot run, as
+                                    where the motion has just begun */
   int met_plane;                 /* the pilot run has met a plane */
   int planes_count;              /* planes count: the pilot run met one, or one is close */
   int mid_run;                   /* the run has begun before: new steps must divide its own */
