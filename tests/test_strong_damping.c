@@ -108,9 +108,76 @@ static void resumed_runs_are_the_same(void **state) {
   msim_scene_destroy(scene);
 }
 
+/* Evaluations of a run and of the choice, and its end */
+static double evaluations_of(const msim_scene *scene, const char *method, double tol, double *x) {
+  const msim_options opt = options_of(method, tol, 0.5);
+  msim_sim *sim = make_sim(scene, &opt);
+  const double choice = sim->config.choice.total_cost;
+  assert_ok(msim_sim_run(sim, NULL, NULL, err));
+  const msim_state end = state_of(sim);
+  memcpy(x, end.x, 3 * (size_t)end.n * sizeof *x);
+  const double count = choice + (double)stats_of(sim).force_evaluations;
+  msim_sim_destroy(sim);
+  return count;
+}
+
+/* With a tol of 0.1 stability decides on steps that damping limits: without trials order 2 under
+ * error control keeps tol at fewer evaluations than the choice by trials with slightly less, in
+ * steps of many stages if the damping rate is more than three times the largest frequency. */
+static void a_large_tol_needs_no_trials(void **state) {
+  (void)state;
+  enum { N = 3 * 144 };
+  static const struct {
+    double damping;
+    const ms_integrator *chosen;
+  } row[] = {{1, &ms_ssprk102}, {8, &ms_rkc}};
+  for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+    msim_scene *scene = hanging_cloth(12, 1000, row[i].damping);
+    double exact[N], x[N];
+    const char *text;
+    ms_bounds b;
+    assert_ok(ms_bounds_compute(scene->data, 1, &b, err));
+    assert_true(b.rate > b.omega);
+    assert_int_equal(b.rate > 3 * b.omega, row[i].chosen == &ms_rkc);
+    for (double tol = 0.1; tol < 0.5; tol *= 2) {
+      const msim_options opt = options_of("auto", tol, 0.5);
+      msim_sim *sim = make_sim(scene, &opt);
+      assert_ptr_equal(sim->config.integrator, row[i].chosen);
+      assert_true(sim->config.opt.tol == tol && sim->config.choice.total_cost == 0);
+      assert_ok(msim_sim_explain(sim, &text, err));
+      assert_non_null(strstr(text, "without trials,"));
+      assert_non_null(strstr(text, "dop853            rejected: tol is so large that order 2"));
+      assert_non_null(strstr(text, "rkn6              rejected: forces depend on velocities"));
+      msim_sim_destroy(sim);
+    }
+    evaluations_of(scene, "ssprk104", 1e-6, exact);
+    const double untried = evaluations_of(scene, "auto", 0.1 * (1 - 1e-9), x);
+    assert_true(largest_difference(x, exact, N) < 0.1);
+    const double by_trials = evaluations_of(scene, "auto", 0.09, x);
+    print_message("  %.0f evaluations instead of %.0f\n", untried, by_trials);
+    assert_true(untried < 0.9 * by_trials);
+    msim_scene_destroy(scene);
+  }
+}
+
+/* Trials are made where damping is weak, a single event may decide, or planes count. */
+static void other_scenes_need_trials(void **state) {
+  (void)state;
+  msim_scene *scenes[] = {hanging_cloth(12, 1000, 0.1), swinging_rope(8, 1e4, 40),
+                          hanging_cloth(12, 1000, 1)};
+  plane(scenes[2], 0, 0, 1, -0.05, 0.5, 0);
+  for (int i = 0; i < 3; i++) {
+    const msim_options opt = options_of("auto", 0.1, 0.5);
+    msim_sim *sim = make_sim(scenes[i], &opt);
+    assert_true(sim->config.choice.pilot_time > 0 && sim->config.choice.total_cost > 0);
+    msim_sim_destroy(sim), msim_scene_destroy(scenes[i]);
+  }
+}
+
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(long_steps_have_enough_stages),
-                                     cmocka_unit_test(ropes_keep_tol),
-                                     cmocka_unit_test(resumed_runs_are_the_same)};
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(long_steps_have_enough_stages),
+      cmocka_unit_test(a_large_tol_needs_no_trials), cmocka_unit_test(other_scenes_need_trials),
+      cmocka_unit_test(ropes_keep_tol), cmocka_unit_test(resumed_runs_are_the_same)};
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

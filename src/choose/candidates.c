@@ -80,7 +80,7 @@ static int is_for_damping(int i) {
 /* Why a candidate is rejected whose steps damping limits. With few stages the others under error
  * control cost less than rkc. Order 2 is sufficient for a large tol: other trials are wasted. */
 static int find_damping_rejection(const ms_pilot_run *p, int i) {
-  enum { MANY_STAGES = 5 };
+  const double MUCH = 3; /* damping rate over angular frequency */
   const double least_tol = i == MS_LOW_ORDER_CONTROLLED    ? 0.03
                            : i == MS_STABILISED_CONTROLLED ? 1e-4
                                                            : 0;
@@ -92,7 +92,7 @@ static int find_damping_rejection(const ms_pilot_run *p, int i) {
   if (p->planes_count) return MS_REASON_TRIAL_TOO_EXPENSIVE;
   if (!ms_pilot_run_is_limited_by_damping(p)) return MS_REASON_WEAKLY_DAMPED;
   if (p->tol < least_tol) return MS_REASON_LOW_ORDER;
-  if (i == MS_STABILISED_CONTROLLED && method->stages(reach, p->bounds) < MANY_STAGES)
+  if (i == MS_STABILISED_CONTROLLED && p->bounds.rate < MUCH * p->bounds.omega)
     return MS_REASON_FEW_STAGES;
   if (ms_candidate_is_relaxed(i) && !ms_control_trial_may_relax(p, method))
     return MS_REASON_NOT_RELAXED;

@@ -182,6 +182,21 @@ static msim_status choose_explicit(ms_pilot_run *p, ms_method_choice *s, msim_er
 
 /*------------------------------------- the choice -----------------------------------------------*/
 
+/* 1: order 2 under error control is chosen untried. With a tol of 0.1 stability mostly decides on
+ * steps that damping limits: this applies to 481 of 595 random cloths, ropes and blocks, which take
+ * 0.77 of the time with a pilot run and trials in the geometric mean, 14 of them more than twice as
+ * long. With a tol of 0.05 ropes would take longer in sum. */
+static int choose_untried(const ms_pilot_run *p, ms_method_choice *s) {
+  const double LARGE = 0.099; /* 0.1, however rounded */
+  ms_candidate *c = s->candidates;
+  s->best =
+      c[MS_STABILISED_CONTROLLED].rejection ? MS_LOW_ORDER_CONTROLLED : MS_STABILISED_CONTROLLED;
+  if (p->tol < LARGE || c[s->best].rejection) return 0;
+  for (int i = 0; i < MS_CANDIDATES; i++)
+    if (i != s->best && !c[i].rejection) c[i].rejection = MS_REASON_LARGE_TOL;
+  return 1;
+}
+
 /* respa needs no pilot run, unless that has to show that no plane is met. */
 static msim_status choose_candidate(ms_pilot_run *p, ms_method_choice *s, msim_error *err) {
   const int has_obstacles = ms_scene_has_obstacles(p->sim->scene);
@@ -192,8 +207,10 @@ static msim_status choose_candidate(ms_pilot_run *p, ms_method_choice *s, msim_e
   status = ms_multirate_trial_make(p, find_least_cost(c), &c[MS_MULTIRATE], err);
   s->best = MS_MULTIRATE;
   if (status || c[MS_MULTIRATE].tried) return status;
-  if (!has_obstacles) status = ms_pilot_run_make(p, err);
-  if (!status) status = choose_explicit(p, s, err);
+  if (!choose_untried(p, s)) {
+    if (!has_obstacles) status = ms_pilot_run_make(p, err);
+    if (!status) status = choose_explicit(p, s, err);
+  }
   if (!status) status = ms_implicit_trial_make(p, &c[s->best], &c[MS_IMPLICIT], err);
   if (c[MS_IMPLICIT].cost_rate < c[s->best].cost_rate) s->best = MS_IMPLICIT;
   return status;

@@ -13,7 +13,8 @@
  * strong, rk6 does so in its place, and ssprk104, whose stages cost less: bounds on damping are
  * loose. There both do so with a larger tolerance, too (control_trial.h), and with tol only if that
  * does not suffice. Of order 2, ssprk102 does so if tol is 0.03 or more, and rkc if it is 1e-4 or
- * more and damping is so strong that steps may have many stages. The others take fixed steps: step
+ * more and damping is so strong that steps may have many stages. With a tol of 0.1 or more one of
+ * these two is chosen without a pilot run or trials. The others take fixed steps: step
  * doubling costs half as much again, and control adds up errors that cancel, up to a hundredfold,
  * in methods that keep energy within bounds. Fixed steps are verified (step_verification.h), but
  * dop853 takes their place where springs turn fast (fast_turns.h). LSODA (Petzold, SIAM J. Sci.
