@@ -42,7 +42,7 @@ void ms_stepper_linearize(const ms_stepper *s, const double *x, const double *v)
 /* To read the clock twice takes as long as a sweep over a hundred springs: of the sweeps of small
  * models one in INTERVAL is timed, and counts for those before it. Returns for how many. */
 static int64_t count_timed_sweeps(ms_stepper *s, const ms_model *model) {
-  enum { FEW_SPRINGS = 1000, INTERVAL = 16 };
+  enum { FEW_SPRINGS = 1000, INTERVAL = 64 };
   const int64_t sweeps = s->sweeps++;
   if (sweeps == 0 || model->springs.n >= FEW_SPRINGS) return 1;
   return sweeps % INTERVAL == 0 ? INTERVAL : 0;

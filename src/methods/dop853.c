@@ -53,7 +53,8 @@ static void interpolate_step(ms_stepper *s, double theta, double *x, double *v) 
   const double *const v_ends[] = {s->v_next, s->v, k[0], k[RESULT]};
   ms_interpolate_hermite(shape, s->h, theta, x_ends, x);
   ms_interpolate_hermite(shape, s->h, theta, v_ends, v);
-  ms_nystrom_add_slopes(s, (ms_nystrom_sums){.x = x, .v = v, .to_x = x, .to_v = v}, row2, row, k);
+  const ms_nystrom_sums sums = {.slopes = STAGES, .x = x, .v = v, .to_x = x, .to_v = v};
+  ms_nystrom_add_slopes(s, sums, row2, row, k);
 }
 
 static void dop853_interpolate(ms_stepper *s, double theta, double *x, double *v) {

@@ -18,7 +18,7 @@ void ms_nystrom_add_slopes(const ms_stepper *s, ms_nystrom_sums of, const ms_nys
   double x_weight[STAGES + 1], v_weight[STAGES + 1];
   int n = 0;
   if (of.time != 0) x_weight[n] = of.time, v_weight[n] = 0, y[n++] = of.v;
-  for (int j = 0; j < STAGES; j++) {
+  for (int j = 0; j < of.slopes; j++) {
     if (row2[j] == 0 && !(of.to_v && row[j] != 0)) continue;
     x_weight[n] = s->h * s->h * row2[j], v_weight[n] = s->h * row[j], y[n++] = k[j];
   }
@@ -30,7 +30,7 @@ void ms_nystrom_add_slopes(const ms_stepper *s, ms_nystrom_sums of, const ms_nys
 /* X and V of stage i */
 static void put_stage(const ms_nystrom *m, const ms_stepper *s, const ms_nystrom_stages *of,
                       int i) {
-  const ms_nystrom_sums sums = {of->x, of->v, m->c[i] * s->h, of->X, of->V};
+  const ms_nystrom_sums sums = {i, of->x, of->v, m->c[i] * s->h, of->X, of->V};
   ms_nystrom_add_slopes(s, sums, m->aa[i], m->a[i], of->k);
 }
 
@@ -65,5 +65,6 @@ void ms_nystrom_estimate(const ms_nystrom *m, const ms_stepper *s, const ms_nyst
                          const ms_nystrom_row row, double *dx, double *dv) {
   double *k[STAGES];
   ms_nystrom_find_slopes(m, s, s->cached_stage == 2, k);
-  ms_nystrom_add_slopes(s, (ms_nystrom_sums){.to_x = dx, .to_v = dv}, row2, row, k);
+  const ms_nystrom_sums sums = {.slopes = m->stages, .to_x = dx, .to_v = dv};
+  ms_nystrom_add_slopes(s, sums, row2, row, k);
 }

@@ -24,8 +24,9 @@ typedef struct ms_nystrom {
   const ms_nystrom_row *a, *aa; /* [stages]; row `result`: the weights of the result */
 } ms_nystrom;
 
-/* Where the sums of slopes begin, NULL: at 0, and where they go; to_v NULL: x alone */
+/* Sums of the first slopes: where they begin, NULL: at 0, and where they go; to_v NULL: x alone */
 typedef struct ms_nystrom_sums {
+  int slopes;
   const double *x, *v;
   double time; /* x begins at x + time v */
   double *to_x, *to_v;

@@ -18,6 +18,10 @@
 /* Indicators */
 enum { DEFECT, TURN };
 
+/* A step needs no verification if its indicators are at most so many times as large as in steps
+ * verified before, or if springs turn less, 1 - cos. */
+static const double MORE = 3, LITTLE = 0.005;
+
 /* The method of substeps. rkc locates no impacts. */
 static const ms_integrator *substep_method(const msim_sim *sim) {
   const ms_integrator *method = sim->config.integrator;
@@ -84,13 +88,14 @@ MS_INLINE double number_at(int single, const double *vec, size_t at) {
   return single ? (double)((const float *)(const void *)vec)[at] : vec[at];
 }
 
-/* cos |cos| of the largest angle by which a spring turned, among those whose direction matters:
- * finding the least one needs no root, and no division unless it is less than those before. */
+/* cos |cos| of the largest angle by which a spring turned, among those whose direction matters: to
+ * find the least one takes no root, and no division unless it is less than those before, or than
+ * the least that counts. */
 MS_INLINE double find_least_cosine(size_t dims, int single, const ms_stepper *s) {
   const ms_springs *springs = &s->model->springs;
   const size_t stride = (size_t)s->model->unknowns.stride;
   const double *x = s->x, *x_next = s->x_next;
-  double least = 1;
+  double least = (1 - LITTLE / MORE) * (1 - LITTLE / MORE);
   for (int32_t e = 0; e < springs->n; e++) {
     size_t i = (size_t)springs->i[e], j = (size_t)springs->j[e];
     double before = 0, after = 0, both = 0;
@@ -106,7 +111,7 @@ MS_INLINE double find_least_cosine(size_t dims, int single, const ms_stepper *s)
   return least;
 }
 
-/* 1 - cos of that angle */
+/* 1 - cos of that angle; LITTLE/MORE if that is less */
 static double find_turn(const ms_stepper *s) {
   const int single = s->model->state_shape.single, dims = s->model->unknowns.dims;
   const double least = single      ? find_least_cosine((size_t)dims, 1, s)
@@ -175,9 +180,9 @@ static int has_events(const ms_island_sim *m, int64_t contacts) {
  * The estimate of rkc costs one, and is found once in some 16. */
 static int needs_verification(const msim_sim *sim, ms_island_sim *m, double sign[2]) {
   enum { WORTH = 8 }; /* evaluations */
-  const double MORE = 3, TURNED = 0.3, LITTLE = 0.005,
-               ROUNDING = m->model.single ? 16 * FLT_EPSILON
-                                          : 100 * sim->config.choice.verification.scales.rounding;
+  const double TURNED = 0.3, ROUNDING = m->model.single
+                                            ? 16 * FLT_EPSILON
+                                            : 100 * sim->config.choice.verification.scales.rounding;
   const int64_t step = sim->run.step + 1 - sim->run.step0;
   const int is_large = m->model.shape.n >= LARGE;
   const int is_scheduled = m->verification.verify_next || step % MS_VERIFICATION_INTERVAL == 0;
