@@ -36,6 +36,7 @@ const char *ms_rejection_reasons_text(int why) {
       [MS_REASON_RESONANCE] = "a resonance has added energy during the run",
       [MS_REASON_VERLET] = "verlet is as accurate for no more evaluations",
       [MS_REASON_FAST_TURNS] = "springs turn within few of its steps",
-      [MS_REASON_LARGE_TOL] = "tol is so large that order 2 is chosen without trials"};
+      [MS_REASON_LARGE_TOL] =
+          "tol is so large that order 2 under error control is chosen without trials"};
   return reasons[why];
 }

@@ -40,11 +40,12 @@ static int has_left_respa(const ms_method_choice *s) {
 void ms_method_choice_explain(const ms_method_choice *s, ms_text *out) {
   const ms_step_verification *v = &s->verification;
   ms_text_append(out, "auto          chosen for tol = %g ", s->tol);
-  if (s->pilot_time > 0)
-    ms_text_append(out, "by a pilot run of %.3g s and trials from its end", s->pilot_time);
-  else ms_text_append(out, s->total_cost > 0 ? "by trials" : "without trials");
-  ms_text_append(out, ",\n              at the cost of %.0f evaluations of the forces\n",
-                 s->total_cost);
+  if (s->total_cost == 0) ms_text_append(out, "without a pilot run or trials\n");
+  else if (s->pilot_time == 0) ms_text_append(out, "by trials");
+  else ms_text_append(out, "by a pilot run of %.3g s and trials from its end", s->pilot_time);
+  if (s->total_cost > 0)
+    ms_text_append(out, ",\n              at the cost of %.0f evaluations of the forces\n",
+                   s->total_cost);
   for (int i = 0; i < MS_CANDIDATES; i++)
     explain_candidate(&s->candidates[i], s->tol, i == s->best, out);
   if (ms_choice_best(s)->control_tol > s->tol)
