@@ -52,17 +52,25 @@ static void long_steps_have_enough_stages(void **state) {
   msim_scene_destroy(scene);
 }
 
-static msim_status end_state(const msim_scene *scene, const msim_options *opt, double *x,
-                             msim_stats *stats) {
+typedef struct finished_run {
+  msim_status status;
+  const ms_integrator *method;
+  double choice; /* the cost of integrator = auto, evaluations */
+  msim_stats stats;
+} finished_run;
+
+/* Run to the end, x. */
+static finished_run finish(const msim_scene *scene, const msim_options *opt, double *x) {
   msim_sim *sim = make_sim(scene, opt);
   msim_error why;
-  const msim_status status = msim_sim_run(sim, NULL, NULL, &why);
+  finished_run r = {.choice = sim->config.choice.total_cost};
+  r.status = msim_sim_run(sim, NULL, NULL, &why);
+  r.method = sim->config.integrator;
   const msim_state end = state_of(sim);
   memcpy(x, end.x, 3 * (size_t)end.n * sizeof *x);
-  *stats = stats_of(sim);
-  if (!strcmp(opt->integrator, "auto")) assert_ptr_equal(sim->config.integrator, &ms_rkc);
+  r.stats = stats_of(sim);
   msim_sim_destroy(sim);
-  return status;
+  return r;
 }
 
 /* Swinging ropes: across its springs a taut rope is undamped, so that long steps, as good as others
@@ -80,19 +88,21 @@ static void ropes_keep_tol(void **state) {
     const msim_options accurate = options_of("ssprk104", 1e-4 * tol, t_end);
     const msim_options other = options_of("ssprk104", tol, t_end);
     double exact[3 * MOST_PARTICLES], x[3 * MOST_PARTICLES];
-    msim_stats stats, of_other;
     msim_scene *scene = swinging_rope(rope[i].n, rope[i].k, rope[i].damping);
-    assert_ok(end_state(scene, &other, x, &of_other));
-    assert_ok(end_state(scene, &accurate, exact, &stats));
+    const finished_run of_other = finish(scene, &other, x);
+    assert_ok(of_other.status);
+    assert_ok(finish(scene, &accurate, exact).status);
     for (int single = 0; single < 2; single++) {
       msim_options opt = options_of("auto", tol, t_end);
       opt.precision = single ? MSIM_PRECISION_AUTO : MSIM_PRECISION_DOUBLE;
-      assert_ok(end_state(scene, &opt, x, &stats));
+      const finished_run r = finish(scene, &opt, x);
+      assert_ok(r.status);
+      assert_ptr_equal(r.method, &ms_rkc);
       const double off = largest_difference(x, exact, 3 * rope[i].n);
       print_message("  %d particles: %lld steps, %lld evaluations, error/tol %.2g\n", rope[i].n,
-                    (long long)stats.steps, (long long)stats.force_evaluations, off / tol);
+                    (long long)r.stats.steps, (long long)r.stats.force_evaluations, off / tol);
       assert_true(off < tol);
-      assert_true(single || stats.force_evaluations < of_other.force_evaluations);
+      assert_true(single || r.stats.force_evaluations < of_other.stats.force_evaluations);
     }
     msim_scene_destroy(scene);
   }
@@ -113,14 +123,9 @@ static void resumed_runs_are_the_same(void **state) {
 /* Evaluations of a run and of the choice, and its end */
 static double evaluations_of(const msim_scene *scene, const char *method, double tol, double *x) {
   const msim_options opt = options_of(method, tol, 0.5);
-  msim_sim *sim = make_sim(scene, &opt);
-  const double choice = sim->config.choice.total_cost;
-  assert_ok(msim_sim_run(sim, NULL, NULL, err));
-  const msim_state end = state_of(sim);
-  memcpy(x, end.x, 3 * (size_t)end.n * sizeof *x);
-  const double count = choice + (double)stats_of(sim).force_evaluations;
-  msim_sim_destroy(sim);
-  return count;
+  const finished_run r = finish(scene, &opt, x);
+  assert_ok(r.status);
+  return r.choice + (double)r.stats.force_evaluations;
 }
 
 /* With a tol of 0.1 stability decides on steps that damping limits: without trials order 2 under

@@ -77,8 +77,9 @@ static int is_for_damping(int i) {
          i == MS_LOW_ORDER_CONTROLLED || ms_candidate_is_relaxed(i);
 }
 
-/* Why a candidate is rejected whose steps damping limits. With few stages the others under error
- * control cost less than rkc. Order 2 is sufficient for a large tol: other trials are wasted. */
+/* Why a candidate is rejected that is for steps which damping limits. Unless the damping rate
+ * exceeds the frequency MUCH, steps of rkc have few stages, and the others under error control cost
+ * less. Order 2 is sufficient for a large tol: other trials are wasted. */
 static int find_damping_rejection(const ms_pilot_run *p, int i) {
   const double MUCH = 3; /* damping rate over angular frequency */
   const double least_tol = i == MS_LOW_ORDER_CONTROLLED    ? 0.03

@@ -24,9 +24,9 @@ typedef struct ms_nystrom {
   const ms_nystrom_row *a, *aa; /* [stages]; row `result`: the weights of the result */
 } ms_nystrom;
 
-/* Sums of the first slopes: where they begin, NULL: at 0, and where they go; to_v NULL: x alone */
+/* Where the sums of slopes begin, NULL: at 0, and where they go; to_v NULL: x alone */
 typedef struct ms_nystrom_sums {
-  int slopes;
+  int slopes; /* k_j with j below this are added; the others have weight 0 */
   const double *x, *v;
   double time; /* x begins at x + time v */
   double *to_x, *to_v;

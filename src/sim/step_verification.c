@@ -18,8 +18,8 @@
 /* Indicators */
 enum { DEFECT, TURN };
 
-/* A step needs no verification if its indicators are at most so many times as large as in steps
- * verified before, or if springs turn less, 1 - cos. */
+/* An indicator asks for verification if it is MORE times as large as in steps verified before; TURN
+ * only if it exceeds LITTLE, too. */
 static const double MORE = 3, LITTLE = 0.005;
 
 /* The method of substeps. rkc locates no impacts. */
@@ -111,7 +111,7 @@ MS_INLINE double find_least_cosine(size_t dims, int single, const ms_stepper *s)
   return least;
 }
 
-/* 1 - cos of that angle; LITTLE/MORE if that is less */
+/* 1 - cos of that angle; LITTLE/MORE if that is less, as smaller ones decide nothing */
 static double find_turn(const ms_stepper *s) {
   const int single = s->model->state_shape.single, dims = s->model->unknowns.dims;
   const double least = single      ? find_least_cosine((size_t)dims, 1, s)
