@@ -9,8 +9,6 @@
 #include "sim/sim.h"
 #include "sim/step_driver.h"
 
-static const double K = 22. / 3; /* the sum of the weights of v*, without their signs, times 2 */
-
 /* 1: 4000 steps of 1 s leave a mass with w^2 = k and this damping as it was, or damp it. */
 static int is_stable(double w, double g) {
   msim_scene *scene = mass_on_spring(w * w, g, 0);
@@ -25,32 +23,72 @@ static int is_stable(double w, double g) {
   return status == MSIM_OK && off < 0.02;
 }
 
-/* (w^2 + 22/3 g)(1 - w^2/12) < 4 decides for steps of 1 s. */
-static void the_product_decides(void **state) {
+/* w^2 + 5 g < 12 decides for steps of 1 s. */
+static void the_sum_decides(void **state) {
   (void)state;
   for (double w = 0.2; w < 3.4; w += 0.2) {
-    const double g = (4 / (1 - w * w / 12) - w * w) / K;
+    const double g = (12 - w * w) / 5;
     assert_true(is_stable(w, 0.98 * g));
-    if (w < 2.5) assert_false(is_stable(w, 1.02 * g));
+    assert_false(is_stable(w, 1.02 * g));
   }
 }
 
-/* The limit holds for each pair of frequency and damping within the bounds, and some pair is
- * unstable at once beyond where damping has no effect, and at 1.4 times elsewhere. */
+/* 1: no root of r^3 + a r^2 + b r + c exceeds 1, by Jury's criterion. */
+static int is_bounded(double a, double b, double c) {
+  const double rounding = 1e-12;
+  return 1 + a + b + c > -rounding && 1 - a + b - c > -rounding && fabs(c) < 1 + rounding &&
+         1 - c * c - fabs(b - a * c) > -rounding;
+}
+
+/* 1: a mode with h^2 omega^2 = w and h g = z stays bounded with velocities u + s (u - u'). */
+static int mode_is_bounded(double w, double z, double s) {
+  const double q = (w + 5 * z) / 12, A = 13. / 12 - (1 + s) * q, B = 1. / 12 - s * q;
+  return is_bounded(w * (1 - q) + z * A - 2, 1 - z * (A + B), z * B);
+}
+
+/* The limit holds for each pair of frequency and damping within the bounds, and the fastest one
+ * with the most damping is unstable beyond it; s is as large as it may be, for the last third. */
 static void the_limit_holds_for_all_pairs(void **state) {
   (void)state;
-  const double ratio[] = {0, 0.03, 0.073, 0.1, 0.15, 0.3, 1, 5};
+  const double ratio[] = {0, 0.01, 0.03, 0.1, 0.3, 1, 5, 1000};
   for (size_t i = 0; i < sizeof ratio / sizeof *ratio; i++) {
-    ms_bounds b = {.omega = 1, .rate = ratio[i]};
-    const double h = ms_takahashi_imada.limit(&b);
-    double largest = 0;
-    for (double w = 0.001; w <= 1; w += 0.001) {
-      const double u = h * h * w * w, z = h * ratio[i];
-      largest = fmax(largest, (u + K * z) * (1 - u / 12));
+    const ms_bounds b = {.omega = 1, .rate = ratio[i]};
+    const double limit = ms_takahashi_imada.limit(&b);
+    for (double h = 0.01 * limit; h < 1.015 * limit; h += 0.01 * limit) {
+      const double w = h * h, z = h * ratio[i], s = (1 + 12 / (w + z)) / (w + 5 * z);
+      const int stable = h < 1.005 * limit;
+      assert_int_equal(mode_is_bounded(w, z, fmin(0.5, s)), stable);
+      assert_false(s < 0.5 && z > 1e-3 && h < 0.995 * limit && mode_is_bounded(w, z, 1.02 * s));
+      for (int k = 0; k < 100 * 100 && stable; k++)
+        assert_true(mode_is_bounded(w * (k / 100) / 100, z * (k % 100) / 100, fmin(0.5, s)));
     }
-    print_message("  g/w = %g: limit %.4g, the product %.4g\n", ratio[i], h, largest);
-    assert_true(largest <= 4 * (1 + 1e-9) && (ratio[i] < 0.07 || largest > 2.7));
-    assert_true(ratio[i] > 0.07 || fabs(h - sqrt(12)) < 1e-12);
+  }
+}
+
+/* The change of u in a step of 1 s at x, where u' precedes u, for a mode with w and z */
+static double expected_change(double w, double z, double x, double u, double u_before) {
+  const double s = fmin(0.5, 0.8 * (1 + 12 / (w + z)) / (w + 5 * z)),
+               a = -w * x - z * (u + s * (u - u_before)), v = u + (u - u_before) / 12 + 5. / 12 * a;
+  return -w * (x + a / 12) - z * v;
+}
+
+static void steps_follow_the_formula(void **state) {
+  (void)state;
+  for (double w = 0.2; w < 11; w += 0.7) {
+    for (double z = 0.01; w + 5 * z < 11.5; z *= 3) {
+      msim_scene *scene = mass_on_spring(w, z, 0.02);
+      const msim_options opt = options("takahashi-imada", 1);
+      msim_sim *sim = make_sim(scene, &opt);
+      const ms_stepper *s = &sim->islands->stepper;
+      assert_ok(msim_sim_step(sim, 2, err));
+      const double before = s->v[0];
+      assert_ok(msim_sim_step(sim, 1, err));
+      const double u = s->v[0], change = expected_change(w, z, s->x[0] - 1, u, before);
+      assert_ok(msim_sim_step(sim, 1, err));
+      assert_close(s->v[0], u + change, 1e-13);
+      msim_sim_destroy(sim);
+      msim_scene_destroy(scene);
+    }
   }
 }
 
@@ -87,7 +125,7 @@ static void weak_damping_keeps_it_accurate(void **state) {
                  verlet = error_of(scene, "velocity-verlet", 400, exact),
                  rk4 = error_of(scene, "rk4", 200, exact);
     print_message("  errors %.2g; velocity-verlet %.2g; rk4 %.2g\n", own, verlet, rk4);
-    assert_true(own < verlet / 20 && (drags || own < rk4 / 10));
+    assert_true(own < (drags ? verlet / 40 : fmin(verlet / 600, rk4 / 20)));
     msim_scene_destroy(scene);
   }
 }
@@ -131,6 +169,28 @@ static void the_first_steps_resume_to_the_bit(void **state) {
     free(c.bytes);
     msim_sim_destroy(sim), msim_sim_destroy(same);
   }
+  msim_scene_destroy(scene);
+}
+
+/* As where an unstable run has returned to an earlier state: other velocities are not read, and
+ * those of half a step before serve for a step. */
+static void a_lost_history_is_not_read(void **state) {
+  (void)state;
+  msim_scene *scene = swinging_cloth(0.003, 0.02);
+  const msim_options opt = options("takahashi-imada", 1e-3);
+  msim_sim *sim = make_sim(scene, &opt);
+  ms_stepper *s = &sim->islands->stepper;
+  double v[3 * 81], fastest = 0;
+  assert_ok(msim_sim_step(sim, 100, err));
+  memcpy(v, state_of(sim).v, sizeof v);
+  for (int i = 0; i < 3 * 81; i++) fastest = fmax(fastest, fabs(v[i]));
+  double *before = s->work[ms_takahashi_imada.carried_at + ms_takahashi_imada.carried];
+  for (size_t row = 0; row < 3 * (size_t)sim->islands->model.unknowns.stride; row++)
+    before[row] = 1e9;
+  s->cached_stage = 0, sim->state_is_current = 0;
+  const double off = largest_difference(state_of(sim).v, v, 3 * 81);
+  assert_true(off > 0 && off < 1e-4 * fastest);
+  msim_sim_destroy(sim);
   msim_scene_destroy(scene);
 }
 
@@ -184,11 +244,13 @@ static void other_methods_leave_nothing(void **state) {
 }
 
 int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test(the_product_decides),
+  const struct CMUnitTest tests[] = {cmocka_unit_test(the_sum_decides),
                                      cmocka_unit_test(the_limit_holds_for_all_pairs),
+                                     cmocka_unit_test(steps_follow_the_formula),
                                      cmocka_unit_test(weak_damping_keeps_it_accurate),
                                      cmocka_unit_test(floats_are_as_accurate_as_their_rounding),
                                      cmocka_unit_test(the_first_steps_resume_to_the_bit),
+                                     cmocka_unit_test(a_lost_history_is_not_read),
                                      cmocka_unit_test(the_start_inverts_the_change_of_variables),
                                      cmocka_unit_test(other_methods_leave_nothing)};
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -75,6 +75,7 @@ static msim_status replace_spring_values(msim_sim *sim, const double *k, const d
   if (rest) memcpy(scene->rest, rest, bytes);
   if (damping) memcpy(scene->damping, damping, bytes);
   ms_sim_replace_scene(sim, scene);
+  ms_sim_set_bounds(sim);
   return MSIM_OK;
 }
 
@@ -103,6 +104,7 @@ static msim_status replace_solvers(msim_sim *sim, msim_error *err) {
 static void restore_scene(msim_sim *sim, ms_scene *before) {
   ms_scene_release(sim->scene);
   ms_sim_replace_scene(sim, before);
+  ms_sim_set_bounds(sim);
 }
 
 /* Invalidate what depends on the springs: accelerations, matrices, rest, the history of errors. */
@@ -110,7 +112,6 @@ static void invalidate_spring_data(msim_sim *sim) {
   for (int32_t i = 0; i < sim->nislands; i++) {
     ms_island_sim *m = &sim->islands[i];
     if (m->stepper.solver) ms_solver_update_springs(m->stepper.solver);
-    ms_stepper_set_bounds(sim->config.integrator, &m->stepper);
     m->stepper.cached_stage = 0;
     m->at_rest = 0;
   }

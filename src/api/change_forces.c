@@ -18,10 +18,9 @@ static double energy_difference(const ms_scene *from, const ms_scene *to, const 
 /* What depends on forces and is not part of a state: matrices, stability bounds, and the two models
  * of respa */
 static void invalidate_force_data(msim_sim *sim) {
-  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
     if (m->stepper.solver) ms_solver_update_springs(m->stepper.solver);
-    ms_stepper_set_bounds(sim->config.integrator, &m->stepper);
-  }
+  ms_sim_set_bounds(sim);
   if (sim->config.integrator->is_multirate) sim->config.choice.out_of_date = 1;
 }
 

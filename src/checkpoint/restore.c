@@ -161,8 +161,7 @@ static void set_run(msim_sim *sim, const ms_saved_run *r) {
   sim->error_growth = r->error_growth;
   set_next_frame(sim, r);
   ms_sim_set_pins(sim);
-  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-    ms_stepper_set_bounds(sim->config.integrator, &m->stepper);
+  ms_sim_set_bounds(sim);
   /* what no vector holds: particles that belong to no island, and the axis left out */
   if (sim->state_x) memcpy(sim->state_x, scene->x, bytes);
   if (sim->state_v) memcpy(sim->state_v, scene->v, bytes);

@@ -35,7 +35,7 @@ typedef struct ms_stepper {
   double h_before;     /* of the step that led to the present state, or its last substep */
   int64_t parts;       /* substeps of equal length in the step being made */
   int64_t part;        /* the one being made, from 0 */
-  ms_bounds bounds;    /* of the island, for Newton's method, stages(), and with obstacles */
+  ms_bounds bounds;    /* of the island, if the method or obstacles need them */
   double *x_spare[2];  /* for the driver, under error control or if steps may be retried */
   double *v_spare[2];
   int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
@@ -68,6 +68,7 @@ typedef struct ms_stepper {
 typedef struct ms_integrator {
   msim_integrator_entry entry; /* a test measures the order */
   int nonlinear;               /* a step solves a nonlinear equation, by Newton's method */
+  int needs_bounds;            /* a step depends on stepper.bounds, as nonlinear ones do */
   int separable;       /* needs forces that do not depend on velocities: no damping, no drag */
   int is_multirate;    /* multirate: uses stepper.split, which depends on h and the springs */
   int counts_work;     /* a step adds the work of moving pins; 0: the trapezoidal rule is enough */
@@ -113,8 +114,8 @@ static inline void ms_stepper_swap(double **a, double **b) {
   *a = *b, *b = between;
 }
 
-/* Sets s->bounds, on which the number of stages, the location of impacts and the rounding errors of
- * Newton's method depend, after the method, springs or forces changed. */
+/* Sets s->bounds, on which the number of stages, extrapolations, the location of impacts and the
+ * rounding errors of Newton's method depend, after the method, springs or forces changed. */
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s);
 
 /* Copies the state, pinned particles included, to work vectors that will hold stages, as another

@@ -8,7 +8,7 @@
 #include "physics/single.h"
 
 void ms_stepper_set_bounds(const ms_integrator *method, ms_stepper *s) {
-  if (method->stages || method->nonlinear || s->model->features & MS_HAS_PLANES)
+  if (method->nonlinear || method->needs_bounds || s->model->features & MS_HAS_PLANES)
     s->bounds = ms_bounds_compute_island(s->model);
 }
 

@@ -234,4 +234,5 @@ const ms_integrator ms_rkc = {
     .step = rkc_step,
     .estimate = rkc_estimate,
     .limit = rkc_limit,
+    .needs_bounds = 1,
     .stages = ms_rkc_count_stages};

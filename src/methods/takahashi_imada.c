@@ -17,12 +17,22 @@
  * where the first term alone is wrong by a factor of 3.
  *
  * Where forces depend on velocities, a is the whole acceleration, and J v its derivative along the
- * motion, da/dt. Forces at the displaced point take the velocity
- *   v* = (23 v(t - h/2) - 16 v(t - 3h/2) + 5 v(t - 5h/2))/12 = V + O(h^3),
- * with the weights of Adams and Bashforth: for a smooth u through all v(t +- h/2), whose mean is
- * u + h^2/8 u'', V = u + h^2/24 u''. So errors of damping are of order 3, and proportional to it. A
- * mode with the frequency omega and the damping rate g stays bounded while
- *   (h^2 omega^2 + 22/3 h g) (1 - h^2 omega^2/12) < 4.
+ * motion, da/dt. With u = v(t - h/2) and u' = v(t - 3h/2), a(x) is taken at the velocity v1, and
+ * forces at the displaced point at v2:
+ *   v1 = u + s (u - u'),  v2 = u + (u - u')/12 + 5/12 h a(x, v1).
+ * For a smooth w through all v(t +- h/2), whose mean is w + h^2/8 w'', V is w + h^2/24 w''. v2 is V
+ * but for h^3/288 V''' in modes of linear forces, 5/144 h^3 dJ/dt V where stiffness turns, and
+ * O(h^3) that damping multiplies; v1, whose error counts h^2/12-fold, is V but for O(h^2) if
+ * s = 1/2. So errors of damping are of order 3, small, and proportional to it.
+ *
+ * With w = (h omega)^2 and z = h g of a mode with the frequency omega and the damping rate g, and
+ * q = (w + 5 z)/12, steps multiply by the roots of
+ *   r^3 + (w (1 - q) + z A - 2) r^2 + (1 - z (A + B)) r + z B,
+ *   A = 13/12 - (1 + s) q,  B = 1/12 - s q.
+ * By Jury's criterion none exceeds 1 while q < 1 and 1 + (w + z) B > 0, that is for
+ *   s < (1 + 12/(w + z))/(w + 5 z);
+ * other conditions follow (a test). Where damping is weak this allows s = 1/2 up to w = 6, and 1/6
+ * at w = 12.
  *
  * Takahashi and Imada, J. Phys. Soc. Japan 53 (1984) 3765; the change of variables: Rowlands,
  * J. Comput. Phys. 97 (1991) 235; to higher order: Blanes, Casas and Ros, SIAM J. Sci. Comput. 21
@@ -37,42 +47,48 @@
 #define C (1.0 / 12)
 
 /* Work vectors: X0, V0 hold x and v at the start of the run; where forces depend on velocities,
- * BEFORE and EARLIER hold v(t - 3h/2) and v(t - 5h/2), STAR v* */
-enum { A, STAGE, X0, V0, BEFORE, EARLIER, STAR, NWORK };
+ * BEFORE holds u', STAR v1 and then v2 */
+enum { A, STAGE, X0, V0, BEFORE, STAR, NWORK };
 
 /* cached_stage, which selects the pair of work vectors that later steps read. 0: none, as where no
  * force depends on velocities, or where an unstable run has returned to an earlier state; AT_START:
- * x, v are those of X0, V0; HAS_HISTORY: BEFORE and EARLIER are set. */
+ * x, v are those of X0, V0; HAS_HISTORY: BEFORE is set, and with it STAR, which is not read. */
 enum { AT_START = 1, HAS_HISTORY };
 
-/* v*; NULL where no force depends on velocities. Without history it is v(t - h/2), for one step */
-static const double *find_velocities(const ms_stepper *s) {
+/* u + share (u - u') + ah a; NULL where no force depends on velocities. At the start V0, as these
+ * are extrapolations to it. Without history u' is u, for one step. */
+static const double *extrapolate(const ms_stepper *s, double share, double ah, const double *a) {
+  const double *before = s->cached_stage == HAS_HISTORY ? s->work[BEFORE] : s->v;
   if (ms_stepper_is_separable(s)) return NULL;
-  if (s->cached_stage != HAS_HISTORY) return s->cached_stage == AT_START ? s->work[V0] : s->v;
-  ms_vector_three_term(s->model->state_shape, s->v, -16. / 12, s->work[BEFORE], 5. / 12,
-                       s->work[EARLIER], 0, s->v, s->work[STAR]);
+  if (s->cached_stage == AT_START) return s->work[V0];
+  ms_vector_three_term(s->model->state_shape, s->v, -share, before, 0, s->v, ah, a, s->work[STAR]);
   return s->work[STAR];
 }
 
-/* After a step to v_next. EARLIER is extrapolated in the first one, so that v* is linear. */
+/* v1, with an s below that of the stability limit for every mode within the bounds, so that the
+ * fastest modes are damped */
+static const double *extrapolate_stably(const ms_stepper *s) {
+  const double BELOW = 0.8;
+  const double w = s->h * s->h * s->bounds.omega * s->bounds.omega, z = s->h * s->bounds.rate;
+  return extrapolate(s, fmin(0.5, BELOW * (1 + 12 / (w + z)) / (w + 5 * z)), 0, s->v);
+}
+
+/* v2, with the a(x, v1) that the force sweep to the stage left in A */
+static const double *extrapolate_accurately(const ms_stepper *s) {
+  return extrapolate(s, 1. / 12, 5. / 12 * s->h, s->work[A]);
+}
+
+/* After a step to v_next */
 static void keep_velocities(ms_stepper *s) {
-  const ms_shape shape = s->model->state_shape;
-  s->cached_stage_next = 0;
-  if (ms_stepper_is_separable(s)) return;
-  ms_stepper_swap(&s->work[BEFORE], &s->work[EARLIER]);
-  ms_vector_copy(shape, s->v, s->work[BEFORE]);
-  if (s->cached_stage != HAS_HISTORY) {
-    ms_vector_add_scaled(shape, s->v, -1, s->v_next, s->work[EARLIER]);
-    ms_vector_axpy(shape, 1, s->v, s->work[EARLIER]);
-  }
-  s->cached_stage_next = HAS_HISTORY;
+  s->cached_stage_next = ms_stepper_is_separable(s) ? 0 : HAS_HISTORY;
+  if (s->cached_stage_next) ms_vector_copy(s->model->state_shape, s->v, s->work[BEFORE]);
 }
 
 /* The force sweep for the stage x + h^2/12 a(x), at which a~ is evaluated */
-static ms_fused_step make_stage_sweep(const ms_stepper *s, const double *velocities) {
+static ms_fused_step make_stage_sweep(const ms_stepper *s) {
   double *a = s->work[A];
   return (ms_fused_step){.x = s->x,
-                         .v = velocities,
+                         .v = extrapolate_stably(s),
                          .a = a,
                          .x_to = s->work[STAGE],
                          .x_from = s->x,
@@ -132,12 +148,13 @@ static void convert_v(const ms_stepper *s, const double *x, const double *v, dou
 /* v_to = v_from + h a~(x) */
 static void takahashi_imada_kick(const ms_stepper *s, const double *v_from, double h,
                                  double *v_to) {
-  const double *velocities = find_velocities(s);
-  const ms_fused_step to_stage = make_stage_sweep(s, velocities);
+  const ms_fused_step to_stage = make_stage_sweep(s);
   ms_fused_step_run(s->model, &to_stage);
-  ms_fused_step_run(
-      s->model, &(ms_fused_step){
-                    .x = s->work[STAGE], .v = velocities, .v_to = v_to, .v_from = v_from, .h = h});
+  ms_fused_step_run(s->model, &(ms_fused_step){.x = s->work[STAGE],
+                                               .v = extrapolate_accurately(s),
+                                               .v_to = v_to,
+                                               .v_from = v_from,
+                                               .h = h});
 }
 
 enum { MOST_ROUNDS = 7, V_ROUNDS = 5 };
@@ -192,11 +209,10 @@ static void takahashi_imada_start(ms_stepper *s) {
 
 static msim_status takahashi_imada_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const double *velocities = find_velocities(s);
-  const ms_fused_step to_stage = make_stage_sweep(s, velocities);
+  const ms_fused_step to_stage = make_stage_sweep(s);
   ms_stepper_evaluate(s, &to_stage);
   ms_stepper_evaluate(s, &(ms_fused_step){.x = s->work[STAGE],
-                                          .v = velocities,
+                                          .v = extrapolate_accurately(s),
                                           .v_to = s->v_next,
                                           .v_from = s->v,
                                           .h = s->h,
@@ -215,25 +231,23 @@ static void takahashi_imada_show(const ms_stepper *s, double *x, double *v) {
     return;
   }
   takahashi_imada_kick(s, s->v, s->h / 2, v);
-  convert_x(s, TO_X, s->x, find_velocities(s), x);
+  convert_x(s, TO_X, s->x, ms_stepper_is_separable(s) ? NULL : v, x);
   convert_v(s, s->x, v, v);
 }
 
-/* With any frequency below sqrt(12)/h the product above is at most (6 + 11/3 h g)^2/12, so that
- * h g < 3/11 (sqrt(48) - 6) is sufficient; with any damping h^2 omega^2 + 22/3 h g < 4 is. */
+/* q = 1 for the bounds */
 static double takahashi_imada_limit(const ms_bounds *b) {
-  const double undamped = 3.4641016151377544 / b->omega, rate = 22. / 3 * b->rate;
-  const double weak = 3. / 11 * (sqrt(48) - 6) / b->rate;
-  return fmax(fmin(undamped, weak), 8 / (rate + hypot(rate, 4 * b->omega)));
+  return 24 / (5 * b->rate + hypot(5 * b->rate, sqrt(48) * b->omega));
 }
 
 const ms_integrator ms_takahashi_imada = {
     .entry = {.name = "takahashi-imada",
               .doc =
                   "leapfrog with a(x + h^2/12 a(x)), in transformed variables; errors of damping "
-                  "are of order 3; for scenes without planes; stable below h omega = 3.46 if "
-                  "damping is weak (Takahashi and Imada 1984)",
+                  "are of order 3; for scenes without planes; stable below h omega = 3.46, with "
+                  "damping below h^2 omega^2 + 5 h g = 12 (Takahashi and Imada 1984)",
               .order = 4},
+    .needs_bounds = 1,
     .nwork = NWORK,
     .carried = 2,
     .carried_at = X0,

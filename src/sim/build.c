@@ -318,3 +318,8 @@ void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene) {
     ms_model_update_springs(&sim->islands[i].model, sim->config.opt.skip_off);
   }
 }
+
+void ms_sim_set_bounds(msim_sim *sim) {
+  for (ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
+    ms_stepper_set_bounds(sim->config.integrator, &m->stepper);
+}

@@ -148,6 +148,9 @@ msim_status ms_sim_reserve_springs(msim_sim *sim, msim_error *err);
  * are those of springs that have broken. */
 void ms_sim_replace_scene(msim_sim *sim, ms_scene *scene);
 
+/* Set the bounds of all steppers after springs, forces or the method changed; collective. */
+void ms_sim_set_bounds(msim_sim *sim);
+
 /* Replace the sim's scene by one with other gravity, drag or constant forces, and update all
  * models; no reference count changes. Fails, with nothing changed, only where particles get
  * constant forces for the first time. */
