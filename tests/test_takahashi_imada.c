@@ -23,7 +23,7 @@ static int is_stable(double w, double g) {
   return status == MSIM_OK && off < 0.02;
 }
 
-/* w^2 + 5 g < 12 decides for steps of 1 s. */
+/* w^2 + 5 g < 12 decides for steps of 1 s of a mode with the frequency w. */
 static void the_sum_decides(void **state) {
   (void)state;
   for (double w = 0.2; w < 3.4; w += 0.2) {
@@ -42,12 +42,12 @@ static int is_bounded(double a, double b, double c) {
 
 /* 1: a mode with h^2 omega^2 = w and h g = z stays bounded with velocities u + s (u - u'). */
 static int mode_is_bounded(double w, double z, double s) {
-  const double q = (w + 5 * z) / 12, A = 13. / 12 - (1 + s) * q, B = 1. / 12 - s * q;
-  return is_bounded(w * (1 - q) + z * A - 2, 1 - z * (A + B), z * B);
+  const double q = (w + 5 * z) / 12, b = 13. / 12 - (1 + s) * q, c = 1. / 12 - s * q;
+  return is_bounded(w * (1 - q) + z * b - 2, 1 - z * (b + c), z * c);
 }
 
 /* The limit holds for each pair of frequency and damping within the bounds, and the fastest one
- * with the most damping is unstable beyond it; s is as large as it may be, for the last third. */
+ * with the most damping is unstable beyond it. Where s is below 1/2 a larger one is unstable. */
 static void the_limit_holds_for_all_pairs(void **state) {
   (void)state;
   const double ratio[] = {0, 0.01, 0.03, 0.1, 0.3, 1, 5, 1000};

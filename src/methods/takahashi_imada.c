@@ -20,16 +20,16 @@
  * motion, da/dt. With u = v(t - h/2) and u' = v(t - 3h/2), a(x) is taken at the velocity v1, and
  * forces at the displaced point at v2:
  *   v1 = u + s (u - u'),  v2 = u + (u - u')/12 + 5/12 h a(x, v1).
- * For a smooth w through all v(t +- h/2), whose mean is w + h^2/8 w'', V is w + h^2/24 w''. v2 is V
+ * For a smooth U through all v(t +- h/2), whose mean is U + h^2/8 U'', V is U + h^2/24 U''. v2 is V
  * but for h^3/288 V''' in modes of linear forces, 5/144 h^3 dJ/dt V where stiffness turns, and
  * O(h^3) that damping multiplies; v1, whose error counts h^2/12-fold, is V but for O(h^2) if
  * s = 1/2. So errors of damping are of order 3, small, and proportional to it.
  *
  * With w = (h omega)^2 and z = h g of a mode with the frequency omega and the damping rate g, and
  * q = (w + 5 z)/12, steps multiply by the roots of
- *   r^3 + (w (1 - q) + z A - 2) r^2 + (1 - z (A + B)) r + z B,
- *   A = 13/12 - (1 + s) q,  B = 1/12 - s q.
- * By Jury's criterion none exceeds 1 while q < 1 and 1 + (w + z) B > 0, that is for
+ *   r^3 + (w (1 - q) + z b - 2) r^2 + (1 - z (b + c)) r + z c,
+ *   b = 13/12 - (1 + s) q,  c = 1/12 - s q.
+ * By Jury's criterion none exceeds 1 while q < 1 and 1 + (w + z) c > 0, that is for
  *   s < (1 + 12/(w + z))/(w + 5 z);
  * other conditions follow (a test). Where damping is weak this allows s = 1/2 up to w = 6, and 1/6
  * at w = 12.
