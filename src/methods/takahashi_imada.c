@@ -47,12 +47,12 @@
 #define C (1.0 / 12)
 
 /* Work vectors: X0, V0 hold x and v at the start of the run; where forces depend on velocities,
- * BEFORE holds u', STAR v1 and then v2 */
-enum { A, STAGE, X0, V0, BEFORE, STAR, NWORK };
+ * BEFORE holds u', V_STAGE v1 and then v2 */
+enum { A, STAGE, X0, V0, BEFORE, V_STAGE, NWORK };
 
 /* cached_stage, which selects the pair of work vectors that later steps read. 0: none, as where no
  * force depends on velocities, or where an unstable run has returned to an earlier state; AT_START:
- * x, v are those of X0, V0; HAS_HISTORY: BEFORE is set, and with it STAR, which is not read. */
+ * x, v are those of X0, V0; HAS_HISTORY: BEFORE is set, and with it V_STAGE, which is not read. */
 enum { AT_START = 1, HAS_HISTORY };
 
 /* u + share (u - u') + ah a; NULL where no force depends on velocities. At the start V0, as these
@@ -61,8 +61,9 @@ static const double *extrapolate(const ms_stepper *s, double share, double ah, c
   const double *before = s->cached_stage == HAS_HISTORY ? s->work[BEFORE] : s->v;
   if (ms_stepper_is_separable(s)) return NULL;
   if (s->cached_stage == AT_START) return s->work[V0];
-  ms_vector_three_term(s->model->state_shape, s->v, -share, before, 0, s->v, ah, a, s->work[STAR]);
-  return s->work[STAR];
+  ms_vector_three_term(s->model->state_shape, s->v, -share, before, 0, s->v, ah, a,
+                       s->work[V_STAGE]);
+  return s->work[V_STAGE];
 }
 
 /* v1, with an s below that of the stability limit for every mode within the bounds, so that the
@@ -85,10 +86,10 @@ static void keep_velocities(ms_stepper *s) {
 }
 
 /* The force sweep for the stage x + h^2/12 a(x), at which a~ is evaluated */
-static ms_fused_step make_stage_sweep(const ms_stepper *s) {
+static ms_fused_step make_stage_sweep(const ms_stepper *s, const double *velocities) {
   double *a = s->work[A];
   return (ms_fused_step){.x = s->x,
-                         .v = extrapolate_stably(s),
+                         .v = velocities,
                          .a = a,
                          .x_to = s->work[STAGE],
                          .x_from = s->x,
@@ -120,13 +121,13 @@ static void convert_x(const ms_stepper *s, const double *power, const double *x,
   }
 }
 
-/* Set STAGE to x + h v/2, and STAR to v + h a/2, with the a(x) that convert_x left in A. Returns
- * STAR, or NULL where no force depends on velocities. */
+/* Set STAGE to x + h v/2, and V_STAGE to v + h a/2, with the a(x) that convert_x left in A. Returns
+ * V_STAGE, or NULL where no force depends on velocities. */
 static const double *move_along(const ms_stepper *s, double h, const double *x, const double *v) {
   ms_vector_add_scaled(s->model->state_shape, x, h / 2, v, s->work[STAGE]);
   if (ms_stepper_is_separable(s)) return NULL;
-  ms_vector_add_scaled(s->model->state_shape, v, h / 2, s->work[A], s->work[STAR]);
-  return s->work[STAR];
+  ms_vector_add_scaled(s->model->state_shape, v, h / 2, s->work[A], s->work[V_STAGE]);
+  return s->work[V_STAGE];
 }
 
 /* to = v - h/12 (a(x + h v/2) - a(x - h v/2)) = (1 + y) v for linear forces; `to` may be v */
@@ -148,7 +149,7 @@ static void convert_v(const ms_stepper *s, const double *x, const double *v, dou
 /* v_to = v_from + h a~(x) */
 static void takahashi_imada_kick(const ms_stepper *s, const double *v_from, double h,
                                  double *v_to) {
-  const ms_fused_step to_stage = make_stage_sweep(s);
+  const ms_fused_step to_stage = make_stage_sweep(s, extrapolate_stably(s));
   ms_fused_step_run(s->model, &to_stage);
   ms_fused_step_run(s->model, &(ms_fused_step){.x = s->work[STAGE],
                                                .v = extrapolate_accurately(s),
@@ -198,7 +199,7 @@ static void takahashi_imada_start(ms_stepper *s) {
   const ms_shape shape = s->model->state_shape;
   ms_vector_copy_all(shape, s->x, s->work[X0]);
   ms_vector_copy_all(shape, s->v, s->work[V0]);
-  ms_stepper_init_stage(s, s->work[STAGE], s->work[STAR]);
+  ms_stepper_init_stage(s, s->work[STAGE], s->work[V_STAGE]);
   if (!invert_conversion(s)) {
     ms_vector_copy_all(shape, s->work[X0], s->x);
     ms_vector_copy_all(shape, s->work[V0], s->v);
@@ -209,7 +210,7 @@ static void takahashi_imada_start(ms_stepper *s) {
 
 static msim_status takahashi_imada_step(ms_stepper *s, msim_error *err) {
   (void)err;
-  const ms_fused_step to_stage = make_stage_sweep(s);
+  const ms_fused_step to_stage = make_stage_sweep(s, extrapolate_stably(s));
   ms_stepper_evaluate(s, &to_stage);
   ms_stepper_evaluate(s, &(ms_fused_step){.x = s->work[STAGE],
                                           .v = extrapolate_accurately(s),
