@@ -52,21 +52,21 @@ static void steps_settle_at_the_limit(void **state) {
 static void steps_use_what_others_have_left(void **state) {
   (void)state;
   ms_control c = {.tol = 1e-4, .span = 1, .order = 7, .h = 1, .growth = 5, .safety = 0.85};
-  for (int i = 0; i < 8; i++) assert_true(ms_control_update(&c, 0.5, 0.1));
+  for (int i = 0; i < 8; i++) assert_true(ms_control_update(&c, 0.5, 0.1, MS_NOWHERE));
   ms_control next = c;
-  assert_true(ms_control_update(&next, 0.5, 3));     /* leaves 3.6 - 1 = 2.6 s */
-  assert_false(ms_control_update(&next, 0.55, 1.2)); /* would leave less than 5 0.55 */
-  assert_true(ms_control_update(&next, 0.45, 1.2));
-  assert_false(ms_control_update(&c, 0.5, 3.01));
+  assert_true(ms_control_update(&next, 0.5, 3, MS_NOWHERE));     /* leaves 3.6 - 1 = 2.6 s */
+  assert_false(ms_control_update(&next, 0.55, 1.2, MS_NOWHERE)); /* would leave less than 5 0.55 */
+  assert_true(ms_control_update(&next, 0.45, 1.2, MS_NOWHERE));
+  assert_false(ms_control_update(&c, 0.5, 3.01, MS_NOWHERE));
   ms_control_reset(&c);
-  assert_false(ms_control_update(&c, 0.5, 1.01));
+  assert_false(ms_control_update(&c, 0.5, 1.01, MS_NOWHERE));
   /* at any time the sum of all errors is within tol */
   double used = 0, made = 0;
   int used_more = 0;
   unsigned seed = 1;
   for (int i = 0; i < 10000; i++) {
     const double r = pow(10, 3 * uniform(&seed) - 2), h = pow(10, -uniform(&seed));
-    if (!ms_control_update(&c, h, r)) continue;
+    if (!ms_control_update(&c, h, r, MS_NOWHERE)) continue;
     used += r * h, made += h, used_more += r > 1;
     assert_true(used <= made);
   }

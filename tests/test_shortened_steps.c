@@ -105,8 +105,11 @@ static void slow_impacts_are_made_anew(void **state) {
     ms_control c = ms_control_make(&method, 1e-3, 1);
     c.h = 0.1;
     ms_attempt a = ms_control_begin_attempt(&c, 0, 0.8);
-    const ms_verdict verdict = ms_control_judge_attempt(&c, &a, MSIM_OK, cases[i].r,
-                                                        cases[i].impact, cases[i].amplification);
+    const ms_attempt_result result = {.error = cases[i].r,
+                                      .impact = cases[i].impact,
+                                      .amplification = cases[i].amplification,
+                                      .change = MS_NOWHERE};
+    const ms_verdict verdict = ms_control_judge_attempt(&c, &a, &result);
     assert_int_equal(verdict, cases[i].expected);
     if (verdict == MS_SHORTENED || (cases[i].r <= 1 && verdict == MS_TRY_AGAIN))
       assert_close(a.h, 0.1 * cases[i].impact, 1e-15);

@@ -28,7 +28,7 @@
 
 #define MAGIC   "msimsave"
 #define ORDER   0x01020304u
-#define VERSION 17u
+#define VERSION 18u
 
 typedef struct header {
   char magic[8];

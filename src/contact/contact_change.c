@@ -51,7 +51,17 @@ static double find_stop(const ms_contact *c, double h, const double v[3], double
   return stop <= 1 ? stop : MS_NOWHERE;
 }
 
-/* ms_contact.change, but for turns. v: at the start; a0, a1: free accelerations at both ends */
+/* The share of the substep after which a sliding particle is slowest, as with the constant
+ * acceleration b = a0 - F v/|v|, F the friction over mass: |v + t b| is least at t = -v.b/|b|^2. */
+static double find_slowest(const ms_contact *c, double h, const double v[3], const double a0[3]) {
+  double b[3] = {a0[0], a0[1], a0[2]};
+  const double friction = ms_impacts_remove_normal(&c->on, b, NULL);
+  ms_vec3_axpy(-friction, c->sliding_direction, b);
+  const double share = -ms_vec3_dot(v, b) / (h * ms_vec3_dot(b, b));
+  return share > 0 && share <= 1 ? share : MS_NOWHERE;
+}
+
+/* ms_contact.change. v: at the start; a0, a1: free accelerations at both ends */
 static double find_change(const ms_contact *c, double h, const double v[3], double a0[3],
                           const double a1[3], double centrifugal) {
   if (c->bounces) return MS_NOWHERE;
@@ -71,8 +81,9 @@ static void update_change(const ms_stepper *s, ms_contact *c) {
   ms_unknowns_get(rows, s->v_next, c->row, v[1]);
   ms_unknowns_get(rows, s->events->a, c->row, a[0]);
   ms_unknowns_get(rows, s->events->a_end, c->row, a[1]);
-  c->change = turns_sharply(c, s->h, v, a[1]) ? 0.5 : MS_NOWHERE;
-  c->change = fmin(c->change, find_change(c, s->h, v[0], a[0], a[1], find_centrifugal(s, c, v[1])));
+  c->turns = turns_sharply(c, s->h, v, a[1]);
+  c->slowest = c->turns ? find_slowest(c, s->h, v[0], a[0]) : MS_NOWHERE;
+  c->change = find_change(c, s->h, v[0], a[0], a[1], find_centrifugal(s, c, v[1]));
 }
 
 void ms_contact_change_finish_substep(ms_stepper *s) {

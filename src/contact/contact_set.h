@@ -33,8 +33,9 @@ typedef struct ms_contact {
       [3]; /* sliding direction at the start of the substep: of v, or of a if v = 0 */
   double friction_force[3]; /* friction force over mass at the start of the substep, if it slides */
   double stop;              /* s: friction alone would stop v in this time; v may turn as fast */
-  double change; /* share of the substep after which it is lifted, slips or stops; at most 1/2 if
-                      it turns; or MS_NOWHERE */
+  double change;  /* share of the substep after which it is lifted, slips or stops, or MS_NOWHERE */
+  int turns;      /* it turns sharply in the substep */
+  double slowest; /* the share after which it is slowest, if it turns sharply, or MS_NOWHERE */
 
   ms_contact_frame frame; /* v and a above are relative to it */
 

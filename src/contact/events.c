@@ -19,7 +19,7 @@ static void begin_event_step(const ms_integrator *method, ms_stepper *s) {
   e->path_tolerance = s->one_substep ? s->path_tolerance : INFINITY;
   e->nfollowed = 0;
   s->cached_stage &= ~MS_CONTACTS_CACHED;
-  s->impact = MS_NOWHERE;
+  s->impact = s->change = MS_NOWHERE;
   if (s->part == 0) s->path_error = 0, s->npaths = 0;
 }
 

@@ -64,7 +64,7 @@ static void estimate_path_error(const substeps *j, int32_t row, double from,
  * or is one with a solid, or friction acts, and the method allows no force that depends on v. */
 static int needs_path(const substeps *j, const ms_contact *c) {
   const int slides_with_friction = c->has_friction && !c->sticks && j->method->separable;
-  return c->bounces || c->has_solid || slides_with_friction || c->change <= 1;
+  return c->bounces || c->has_solid || slides_with_friction || c->change <= 1 || c->turns;
 }
 
 /*------------------------------------- the first impact -----------------------------------------*/
@@ -377,11 +377,15 @@ static int is_done(substeps *j) {
   return 1;
 }
 
-/* The share of the substep before the first change of a contact, or MS_NOWHERE */
-static double find_first_change(const substeps *j) {
+/* The share of the substep before the first change of a contact, or MS_NOWHERE. A sharp turn is one
+ * where the particle is slowest; if its steps are `fixed`, half way at the latest. */
+static double find_first_change(const substeps *j, int fixed) {
+  const double HALF = 0.5;
   double first = MS_NOWHERE;
-  for (int32_t i = 0; i < j->e->ncontacts; i++)
-    if (!j->e->contact[i].has_solid) first = fmin(first, j->e->contact[i].change);
+  for (const ms_contact *c = j->e->contact; c < j->e->contact + j->e->ncontacts; c++) {
+    const double turn = !c->turns ? MS_NOWHERE : fixed ? HALF : c->slowest;
+    if (!c->has_solid) first = fmin(first, fmin(turn, c->change));
+  }
   return first;
 }
 
@@ -434,14 +438,16 @@ static msim_status make_parts(substeps *j, msim_error *err) {
       const int passes = is_shallow(j, i.depth);
       s->impact = passes ? MS_NOWHERE : i.share;
       s->impact_row = i.row, s->impact_speed = i.speed;
+      s->change = find_first_change(j, 0);
       keep_end(j);
       follow_paths(j, i.share <= 1 && passes);
       if (j->keeps_end && j->e->nfollowed) s->h_made = s->h;
       if (!j->method->path) ms_contact_impulses_add_lasting(j->method, s, s->v);
       return MSIM_OK;
     }
-    const double change =
-        j->may_divide && j->nsubsteps < MS_MAX_CHANGE_SUBSTEPS ? find_first_change(j) : MS_NOWHERE;
+    const double change = j->may_divide && j->nsubsteps < MS_MAX_CHANGE_SUBSTEPS
+                              ? find_first_change(j, 1)
+                              : MS_NOWHERE;
     if (change < i.share) status = make_substep(j, length_before(j, change), err);
     else if (i.share <= 1) status = end_at_impact(j, &i, err);
     if (status) return status;

@@ -292,7 +292,7 @@ static int is_settled(const contact_solve *j) {
   for (int32_t r = 0; r < j->s->model->unknowns.nfree; r++) {
     const ms_contact *c = ms_contact_set_lookup(j->e, r, &next);
     if (ms_contact_joining_is_new(j->s, r, c) ||
-        (c && (c->change <= 1 || ms_solid_contact_is_off(j->s, c))))
+        (c && (c->change <= 1 || c->turns || ms_solid_contact_is_off(j->s, c))))
       return 0;
   }
   return 1;

@@ -10,7 +10,11 @@
  * fluctuates, are rarely rejected.
  *
  * A step with an impact ends there: by dense output of the method, if that is accurate enough, or
- * else it is made anew. The particles bounce at the start of the next step. */
+ * else it is made anew. The particles bounce at the start of the next step.
+ *
+ * Where a particle on a plane is lifted, slips, stops or turns, forces have a kink. A step rejected
+ * for that is divided: into one before the kink, a short one across it, and one as long as before.
+ * A search by ever shorter steps, which then lengthen again, took up to three times as many. */
 #ifndef MS_CONTROL_H
 #define MS_CONTROL_H
 
@@ -42,6 +46,8 @@ typedef struct ms_control {
   int limited;      /* 1: stability limits h, too */
   double previous;  /* relative error of the last accepted step, at least 1e-4; 0: unknown */
   double unused;    /* s: the sum of (1 - r) h since ms_control_reset(), r relative errors */
+  double crossing;  /* s: the next step, while this one is to end before a change; else 0 */
+  double usual;     /* s: the step after a change, as long as those before it; 0: none */
   int shrunk;       /* the last attempt was rejected */
 } ms_control;
 
@@ -59,8 +65,9 @@ double ms_control_next_step(const ms_control *c, double left);
 
 /* 1: the step of h, with the relative error r, is accepted: r <= 1, or r <= 3 where steps before it
  * have left enough. Sets the next step to try by a PI controller (Gustafsson 1991; Hairer and
- * Wanner, Solving ODEs II, IV.2). */
-int ms_control_update(ms_control *c, double h, double r);
+ * Wanner, Solving ODEs II, IV.2). change: the share of the step before a contact changes, or
+ * MS_NOWHERE: of a rejected step the parts before and after the change are made as steps. */
+int ms_control_update(ms_control *c, double h, double r, double change);
 
 /* The step that the error r of the last one alone would ask for, over the last one: s r^(-1/k), s
  * the safety factor; 1 if r is unknown */
@@ -86,13 +93,20 @@ ms_attempt ms_control_begin_attempt(const ms_control *c, double t, double left);
 /* 1: a step with the first impact after that share of it, or MS_NOWHERE, is to end there. */
 int ms_control_is_shortened(double impact);
 
-/* Accepts or rejects the step of a->h just made, and sets the next a->h. error: the relative one;
- * NaN: not known, which a step that is shortened does not need; impact: the share of the step
- * before the first, or MS_NOWHERE; amplification: by which the impact amplifies errors, INFINITY:
- * dense output does not show the state there. MS_SHORTENED: the step is accepted up to the impact,
- * and ends at a->h. MS_TOO_SHORT: the next step would be lost in the rounding of t. */
-ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, msim_status status, double error,
-                                    double impact, double amplification);
+/* What an attempt has shown. amplification: by which the impact amplifies errors; INFINITY: dense
+ * output does not show the state there */
+typedef struct ms_attempt_result {
+  msim_status status;
+  double error;  /* the relative one; NaN: not known, which no step needs that is shortened */
+  double impact; /* the share of the step before the first impact, or MS_NOWHERE */
+  double amplification;
+  double change; /* the share before the first change of a contact, or MS_NOWHERE */
+} ms_attempt_result;
+
+/* Accepts or rejects the step of a->h just made, and sets the next a->h. MS_SHORTENED: the step is
+ * accepted up to the impact, and ends at a->h. MS_TOO_SHORT: the next step would be lost in the
+ * rounding of t. */
+ms_verdict ms_control_judge_attempt(ms_control *c, ms_attempt *a, const ms_attempt_result *of);
 
 /* Discards the errors of the steps before, as after an impact. */
 void ms_control_reset(ms_control *c);

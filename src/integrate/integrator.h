@@ -40,6 +40,7 @@ typedef struct ms_stepper {
   double *v_spare[2];
   int one_substep;        /* 1: the step is not divided at impacts, but sets `impact` */
   double impact;          /* the share of the step before its first impact; > 1: no impact */
+  double change;          /* the same before the first change of a contact; > 1: none */
   double impact_speed;    /* m/s: that of the particle towards the plane */
   int32_t impact_row;     /* its unknown */
   double x_tolerance;     /* m: under error control, the error of x that an event may add */

@@ -64,14 +64,15 @@ msim_status ms_island_step_make_substeps(const msim_sim *sim, const ms_integrato
   s->h = start.h / (double)n;
   s->work_in_step = 0;
   ms_contact_log_clear(s->contact_log, start.h);
-  double impact = MS_NOWHERE;
+  double impact = MS_NOWHERE, change = MS_NOWHERE;
   for (int64_t i = 0; i < n && !status; i++) {
     s->part = i;
     if (i > 0) begin_next_substep(s, &start);
     status = agree_on_substep(sim, step_checked(method, s, err), err);
     if (s->impact <= 1) impact = fmin(impact, ((double)i + s->impact) / (double)n);
+    if (s->change <= 1) change = fmin(change, ((double)i + s->change) / (double)n);
   }
-  s->impact = impact;
+  s->impact = impact, s->change = change;
   restore_step_start(s, &start);
   return status;
 }
@@ -150,7 +151,7 @@ msim_status ms_island_step_make_controlled(const msim_sim *sim, const ms_integra
   double *x = s->x, *v = s->v;
   const double allowed = ms_control_allowed_error(c, s->h);
   s->one_substep = 1;
-  s->impact = MS_NOWHERE;
+  s->impact = s->change = MS_NOWHERE;
   const msim_status status = method->estimate ? make_estimated_step(sim, method, s, err)
                                               : make_doubled_step(sim, method, s, err);
   s->one_substep = 0;

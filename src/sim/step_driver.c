@@ -231,12 +231,15 @@ static void advance_time(msim_sim *sim, double h, double stop) {
   sim->run.t_shown = sim->run.t;
 }
 
-/* The first impact of all islands, as a fraction of the step */
-static double first_impact(const msim_sim *sim) {
-  double first = MS_NOWHERE;
-  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++)
-    if (!m->at_rest) first = fmin(first, m->stepper.impact);
-  return first;
+/* The first impact of all islands that are not at rest, and the first change of a contact, as
+ * fractions of the step */
+static void find_first_event(const msim_sim *sim, double *impact, double *change) {
+  *impact = *change = MS_NOWHERE;
+  for (const ms_island_sim *m = sim->islands; m < sim->islands + sim->nislands; m++) {
+    if (m->at_rest) continue;
+    *impact = fmin(*impact, m->stepper.impact);
+    *change = fmin(*change, m->stepper.change);
+  }
 }
 
 /* The largest error of all islands that are not at rest; *worst: the island that has it. */
@@ -295,15 +298,16 @@ static msim_status make_controlled_sim_step(msim_sim *sim, msim_error *err) {
     ms_island_sim *worst = NULL;
     const step_outcome o =
         try_all_islands(sim, h, ms_control_allowed_error(&sim->run.control, h), &why);
-    const double error = o.m ? 0 : largest_error(sim, &worst);
-    const double impact = first_impact(sim);
-    const ms_verdict verdict = ms_control_judge_attempt(&sim->run.control, &a, o.status, error,
-                                                        impact, find_amplification(sim));
+    ms_attempt_result result = {.status = o.status,
+                                .error = o.m ? 0 : largest_error(sim, &worst),
+                                .amplification = find_amplification(sim)};
+    find_first_event(sim, &result.impact, &result.change);
+    const ms_verdict verdict = ms_control_judge_attempt(&sim->run.control, &a, &result);
     if (verdict == MS_ACCEPTED || verdict == MS_SHORTENED) {
       const double t = sim->run.t;
       const msim_status status = ms_rank_sim_agree_on_step(sim, MSIM_OK, err);
       if (status) return status;
-      end_step(sim, verdict == MS_SHORTENED ? impact : 1);
+      end_step(sim, verdict == MS_SHORTENED ? result.impact : 1);
       accept_step(sim);
       advance_time(sim, a.h, stop);
       ms_sim_move_pins(sim, t);

@@ -216,8 +216,13 @@ static msim_status make_controlled_substep(const msim_sim *sim, ms_island_sim *m
     s->h = a.h;
     const msim_status status = ms_island_step_make_controlled(sim, substep_method(sim), m, c, err);
     if (status && !ms_island_step_may_retry(status)) return status;
-    const ms_verdict verdict = ms_control_judge_attempt(c, &a, status, m->error, s->impact,
-                                                        ms_island_step_find_amplification(m));
+    const ms_verdict verdict = ms_control_judge_attempt(
+        c, &a,
+        &(ms_attempt_result){.status = status,
+                             .error = m->error,
+                             .impact = s->impact,
+                             .amplification = ms_island_step_find_amplification(m),
+                             .change = s->change});
     const double h = a.h;
     if (verdict == MS_SHORTENED) ms_shortened_step_end(substep_method(sim), s, s->impact);
     if (verdict == MS_ACCEPTED || verdict == MS_SHORTENED) {
