@@ -163,7 +163,6 @@ static void plan_next(ms_control *c, double h, double r) {
     c->crossing = 0;
   } else if (c->usual > h) {
     c->h = c->usual;
-    c->usual = 0;
   } else {
     c->h = h * fmax(LEAST, fmin(step_factor(c, r), c->shrunk ? 1 : c->growth));
     c->previous = fmax(r, 1e-4);
