@@ -30,10 +30,10 @@ MS_INLINE spring_lanes load_springs(int damped, const ms_model *m, size_t at) {
       .damping = damped ? ms_simd_load(SPRINGS_OF(m)->DAMPING + at) : (ms_lanes){0}};
 }
 
-/* sum + the forces of a slice range's springs on its own rows. many: as has_many_springs() */
-MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, int many, const ms_model *m,
-                                            int32_t range, ms_slice_range p, size_t lane,
-                                            const ms_real *x, const ms_real *v,
+/* sum + the forces of a slice range's springs on its own rows */
+MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, prefetch ahead,
+                                            const ms_model *m, int32_t range, ms_slice_range p,
+                                            size_t lane, const ms_real *x, const ms_real *v,
                                             ms_lane_vectors sum) {
   const size_t stride = (size_t)m->unknowns.stride;
   const ms_half_edges *half_edges = &m->half_edges;
@@ -41,7 +41,7 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, spring_kind kind, int many
   const ms_lane_vectors vi = kind == DAMPED ? ms_load_own(dims, p, lane, v, stride) : xi;
   for (int32_t entry = half_edges->first[range]; entry < half_edges->first[range + 1]; entry++) {
     const size_t at = (size_t)half_edges->entry[entry].value + lane;
-    if (many && lane == 0)
+    if (ahead == ROWS_AND_SPRINGS && lane == 0)
       prefetch_springs(half_edges, entry, SPRINGS_OF(m)->k, SPRINGS_OF(m)->REST,
                        kind == DAMPED ? SPRINGS_OF(m)->DAMPING : NULL);
     const ms_lane_vectors d = ms_subtract_neighbours(dims, half_edges, entry, lane, x, stride, xi);
@@ -98,7 +98,7 @@ MS_INLINE ms_lane_vectors sum_other_forces(int dims, spring_kind kind, const ms_
 }
 
 /* The forces on the rows of one register, from `row` on */
-MS_INLINE ms_lane_vectors sum_forces(int dims, spring_kind kind, int many, const ms_model *m,
+MS_INLINE ms_lane_vectors sum_forces(int dims, spring_kind kind, prefetch ahead, const ms_model *m,
                                      const ms_external_lanes *external, const ms_fused_step *p,
                                      size_t row) {
   const int32_t slice = (int32_t)(row / MS_SLICE);
@@ -106,12 +106,12 @@ MS_INLINE ms_lane_vectors sum_forces(int dims, spring_kind kind, int many, const
   const size_t lane = row % MS_SLICE;
   const ms_lane_vectors f = sum_other_forces(dims, kind, m, external, p, own, lane);
   if (kind == LAWS) return f;
-  return add_spring_forces(dims, kind, many, m, slice, own, lane, p->x, p->v, f);
+  return add_spring_forces(dims, kind, ahead, m, slice, own, lane, p->x, p->v, f);
 }
 
 /* The results for a register of rows wait for the root and the division of its last spring. They
  * are computed after the forces on the next register, so that its roots do not wait behind them. */
-MS_INLINE int step_slices_of(int dims, spring_kind kind, int many, const ms_model *m,
+MS_INLINE int step_slices_of(int dims, spring_kind kind, prefetch ahead, const ms_model *m,
                              const ms_fused_step *p, int32_t begin, int32_t end) {
   const sweep_lanes by = spread_sweep(dims, m, p);
   const size_t first = MS_SLICE * (size_t)begin, last = MS_SLICE * (size_t)end;
@@ -119,7 +119,8 @@ MS_INLINE int step_slices_of(int dims, spring_kind kind, int many, const ms_mode
   ms_mask bad = {0};
   for (size_t row = first; row <= last; row += MS_LANES) {
     ms_lane_vectors f = {{{0}}};
-    if (row < last) f = sum_forces(dims, kind, many, m, &by.external, p, row);
+    if (ahead != NOTHING && row % ROWS_IN_LINE == 0) prefetch_rows(dims, kind == DAMPED, m, p, row);
+    if (row < last) f = sum_forces(dims, kind, ahead, m, &by.external, p, row);
     if (row > first) bad |= check(update(dims, m, row - MS_LANES, before, p, &by));
     before = f;
   }
@@ -132,7 +133,7 @@ MS_INLINE void sum_part_of(int dims, spring_kind kind, const ms_model *m, const 
   const ms_slice_range own = ms_slice_range_at(&m->half_edges, range, NULL, 0);
   for (size_t lane = 0; lane < MS_SLICE; lane += MS_LANES) {
     ms_lane_vectors sum = {{{0}}};
-    sum = add_spring_forces(dims, kind, 0, m, range, own, lane, p->x, p->v, sum);
+    sum = add_spring_forces(dims, kind, NOTHING, m, range, own, lane, p->x, p->v, sum);
     for (int c = 0; c < dims; c++)
       ms_simd_store_doubles(own.sums + (size_t)c * own.stride + lane, sum.c[c]);
   }
@@ -146,13 +147,18 @@ static spring_kind find_spring_kind(const ms_model *m, const ms_fused_step *p) {
 
 MS_INLINE int step_slices_in(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
                              int32_t begin, int32_t end) {
-  const int many = has_many_springs(m);
-  if (kind == LINEAR) return step_slices_of(dims, LINEAR, 0, m, p, begin, end);
-  if (kind == LAWS) return step_slices_of(dims, LAWS, 0, m, p, begin, end);
-  if (kind == UNDAMPED && many) return step_slices_of(dims, UNDAMPED, 1, m, p, begin, end);
-  if (kind == UNDAMPED) return step_slices_of(dims, UNDAMPED, 0, m, p, begin, end);
-  if (many) return step_slices_of(dims, DAMPED, 1, m, p, begin, end);
-  return step_slices_of(dims, DAMPED, 0, m, p, begin, end);
+  const prefetch ahead = choose_prefetch(m);
+  const int damped = kind == DAMPED;
+  if (kind == LINEAR) return step_slices_of(dims, LINEAR, NOTHING, m, p, begin, end);
+  if (kind == LAWS) return step_slices_of(dims, LAWS, NOTHING, m, p, begin, end);
+  if (ahead == NOTHING)
+    return damped ? step_slices_of(dims, DAMPED, NOTHING, m, p, begin, end)
+                  : step_slices_of(dims, UNDAMPED, NOTHING, m, p, begin, end);
+  if (ahead == ROWS)
+    return damped ? step_slices_of(dims, DAMPED, ROWS, m, p, begin, end)
+                  : step_slices_of(dims, UNDAMPED, ROWS, m, p, begin, end);
+  return damped ? step_slices_of(dims, DAMPED, ROWS_AND_SPRINGS, m, p, begin, end)
+                : step_slices_of(dims, UNDAMPED, ROWS_AND_SPRINGS, m, p, begin, end);
 }
 
 static int step_slices_alone(const ms_model *m, const ms_fused_step *p, spring_kind kind,
@@ -164,7 +170,7 @@ static int step_slices_alone(const ms_model *m, const ms_fused_step *p, spring_k
 static int step_slices(const ms_model *m, const ms_fused_step *p, int32_t begin, int32_t end) {
   const spring_kind kind = find_spring_kind(m, p);
 #ifdef MS_HAS_SLICE_PAIRS /* they read springs from two places, which takes longer from memory */
-  if ((kind == UNDAMPED || kind == DAMPED) && !has_many_springs(m)) {
+  if ((kind == UNDAMPED || kind == DAMPED) && choose_prefetch(m) != ROWS_AND_SPRINGS) {
     const int32_t paired = begin + (end - begin) / 2 * 2;
     const int good = ms_slice_pairs_step(m, p, kind == DAMPED, begin, paired);
     return step_slices_alone(m, p, kind, paired, end) && good;

@@ -34,17 +34,54 @@ MS_INLINE sweep_lanes spread_sweep(int dims, const ms_model *m, const ms_fused_s
                        .drift = zero + (ms_real)p->drift};
 }
 
+/*------------------------------------- memory ---------------------------------------------------*/
+
+enum { ROWS_IN_LINE = 64 / sizeof(ms_real) }; /* of the cache */
+
+/* What a step fetches ahead: rows, if x, v and the next x have more bytes than MS_CACHE; and
+ * springs, if k and rest of those that are not alike have. A constant of the callers of functions
+ * with this argument */
+typedef enum prefetch { NOTHING, ROWS, ROWS_AND_SPRINGS } prefetch;
+
+MS_INLINE prefetch choose_prefetch(const ms_model *m) {
+  const size_t numbers = (size_t)m->unknowns.dims * (size_t)m->unknowns.stride;
+  if (2 * sizeof(ms_real) * m->half_edges.nvalues > MS_CACHE) return ROWS_AND_SPRINGS;
+  return 3 * sizeof(double) * numbers > MS_CACHE ? ROWS : NOTHING;
+}
+
+/* The line that begins with a row, of some arrays of a vector */
+MS_INLINE void prefetch_row(int arrays, const void *vec, size_t row, size_t stride) {
+  for (int c = 0; c < arrays; c++)
+    ms_simd_prefetch(vec, 1, ((size_t)c * stride + row) * sizeof(ms_real));
+}
+
+/* Fetch what a step needs some rows later. It reads and writes up to two dozen arrays, which are
+ * more than prefetchers of processors follow. damped: springs have damping */
+MS_INLINE void prefetch_rows(int dims, int damped, const ms_model *m, const ms_fused_step *p,
+                             size_t row) {
+  enum { AHEAD = 128, NEIGHBOURS = 2048 };
+  const size_t stride = (size_t)m->unknowns.stride, own = row + AHEAD, of_others = own + NEIGHBOURS;
+  const int arrays = sizeof(ms_real) == sizeof(float) ? 2 * dims : dims; /* vector.h */
+  prefetch_row(dims, p->x, of_others, stride);
+  if (damped) prefetch_row(dims, p->v, of_others, stride);
+  prefetch_row(1, MASSES_OF(m)->mass, own, stride);
+  prefetch_row(1, MASSES_OF(m)->inv_mass, own, stride);
+  if (p->f) prefetch_row(dims, p->f, own, stride);
+  if (p->a) prefetch_row(dims, p->a, own, stride);
+  if (p->a_before) prefetch_row(dims, p->a_before, own, stride);
+  if (p->along) prefetch_row(dims, p->along, own, stride);
+  if (p->v_to) prefetch_row(arrays, p->v_from, own, stride);
+  if (p->v_to && p->v_to != p->v_from) prefetch_row(arrays, p->v_to, own, stride);
+  if (p->x_to) prefetch_row(arrays, p->x_from, own, stride);
+  if (p->x_to && p->x_to != p->x_from) prefetch_row(arrays, p->x_to, own, stride);
+}
+
 /*------------------------------------- forces ---------------------------------------------------*/
 
 /* Of the springs in a register: k; L, or in single precision k L/2; c, or c/4 */
 typedef struct spring_lanes {
   ms_lanes k, rest, damping;
 } spring_lanes;
-
-/* 1: k and rest of springs that are not alike have more bytes than MS_CACHE. */
-MS_INLINE int has_many_springs(const ms_model *m) {
-  return 2 * sizeof(ms_real) * m->half_edges.nvalues > MS_CACHE;
-}
 
 /* Of the entry MS_AHEAD later. damping: nullable */
 MS_INLINE void prefetch_springs(const ms_half_edges *half_edges, int32_t entry, const ms_real *k,

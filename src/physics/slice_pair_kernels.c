@@ -109,7 +109,8 @@ MS_INLINE ms_lane_vectors add_spring_forces(int dims, int damped, const pair_ste
 
 /*------------------------------------- steps ----------------------------------------------------*/
 
-MS_INLINE int step_pairs(int dims, int damped, const pair_step *s, int32_t begin, int32_t end) {
+MS_INLINE int step_pairs(int dims, int damped, prefetch ahead, const pair_step *s, int32_t begin,
+                         int32_t end) {
   const ms_model *m = s->model;
   const ms_fused_step *p = s->sweep;
   const size_t stride = (size_t)m->unknowns.stride;
@@ -117,6 +118,7 @@ MS_INLINE int step_pairs(int dims, int damped, const pair_step *s, int32_t begin
   ms_mask bad = {0};
   for (int32_t slice = begin; slice < end; slice += 2) {
     const size_t row = MS_SLICE * (size_t)slice;
+    if (ahead == ROWS) prefetch_rows(dims, damped, m, p, row);
     ms_lane_vectors f = external_force(dims, m, &by.external, row, p);
     if (m->added_force)
       f = ms_add_vec(dims, f, load_added_force(dims, m->added_force, row, stride));
@@ -126,11 +128,16 @@ MS_INLINE int step_pairs(int dims, int damped, const pair_step *s, int32_t begin
   return is_nowhere(bad);
 }
 
+MS_INLINE int step_pairs_in(int dims, int damped, const pair_step *s, int32_t begin, int32_t end) {
+  return choose_prefetch(s->model) == NOTHING ? step_pairs(dims, damped, NOTHING, s, begin, end)
+                                              : step_pairs(dims, damped, ROWS, s, begin, end);
+}
+
 int ms_slice_pairs_step(const ms_model *model, const ms_fused_step *sweep, int damped,
                         int32_t begin, int32_t end) {
   const pair_step s = {model, sweep};
   if (model->unknowns.dims == 2)
-    return damped ? step_pairs(2, 1, &s, begin, end) : step_pairs(2, 0, &s, begin, end);
-  return damped ? step_pairs(3, 1, &s, begin, end) : step_pairs(3, 0, &s, begin, end);
+    return damped ? step_pairs_in(2, 1, &s, begin, end) : step_pairs_in(2, 0, &s, begin, end);
+  return damped ? step_pairs_in(3, 1, &s, begin, end) : step_pairs_in(3, 0, &s, begin, end);
 }
 #endif
