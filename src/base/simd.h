@@ -82,15 +82,15 @@ static inline ms_lanes ms_simd_load(const ms_real *from) {
 static inline void ms_simd_store(ms_real *to, ms_lanes v) { memcpy(to, &v, sizeof v); }
 
 /* A sweep over more bytes than that reads them from memory each time. As prefetchers of processors
- * stop at the ends of pages, and fall behind, it then fetches some pages ahead itself. */
-enum { MS_CACHE = 8 << 20 };
+ * stop at the ends of pages, and fall behind, it then fetches them ahead itself, in cache lines. */
+enum { MS_CACHE = 8 << 20, MS_CACHE_LINE = 64 };
 
 /* Fetch the cache lines of so many bytes that far ahead of `from`, if there are any: into the L2
  * cache, which has more misses under way than L1, and room for what is fetched. Always inlined, as
  * GCC 12 drops calls of functions that only prefetch. */
 MS_INLINE void ms_simd_prefetch(const void *from, size_t bytes, size_t ahead) {
-  enum { LINE = 64, L2 = 2 };
-  for (size_t at = 0; at < bytes; at += LINE)
+  enum { L2 = 2 };
+  for (size_t at = 0; at < bytes; at += MS_CACHE_LINE)
     __builtin_prefetch((const void *)((uintptr_t)from + ahead + at), 0, L2);
 }
 

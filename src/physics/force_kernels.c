@@ -145,20 +145,22 @@ static spring_kind find_spring_kind(const ms_model *m, const ms_fused_step *p) {
   return p->v && (m->features & MS_HAS_DAMPING) ? DAMPED : UNDAMPED;
 }
 
+/* Of linear springs with rest lengths or damping */
+MS_INLINE int step_directed_slices(int dims, int damped, prefetch ahead, const ms_model *m,
+                                   const ms_fused_step *p, int32_t begin, int32_t end) {
+  return damped ? step_slices_of(dims, DAMPED, ahead, m, p, begin, end)
+                : step_slices_of(dims, UNDAMPED, ahead, m, p, begin, end);
+}
+
 MS_INLINE int step_slices_in(int dims, spring_kind kind, const ms_model *m, const ms_fused_step *p,
                              int32_t begin, int32_t end) {
   const prefetch ahead = choose_prefetch(m);
   const int damped = kind == DAMPED;
   if (kind == LINEAR) return step_slices_of(dims, LINEAR, NOTHING, m, p, begin, end);
   if (kind == LAWS) return step_slices_of(dims, LAWS, NOTHING, m, p, begin, end);
-  if (ahead == NOTHING)
-    return damped ? step_slices_of(dims, DAMPED, NOTHING, m, p, begin, end)
-                  : step_slices_of(dims, UNDAMPED, NOTHING, m, p, begin, end);
-  if (ahead == ROWS)
-    return damped ? step_slices_of(dims, DAMPED, ROWS, m, p, begin, end)
-                  : step_slices_of(dims, UNDAMPED, ROWS, m, p, begin, end);
-  return damped ? step_slices_of(dims, DAMPED, ROWS_AND_SPRINGS, m, p, begin, end)
-                : step_slices_of(dims, UNDAMPED, ROWS_AND_SPRINGS, m, p, begin, end);
+  if (ahead == NOTHING) return step_directed_slices(dims, damped, NOTHING, m, p, begin, end);
+  if (ahead == ROWS) return step_directed_slices(dims, damped, ROWS, m, p, begin, end);
+  return step_directed_slices(dims, damped, ROWS_AND_SPRINGS, m, p, begin, end);
 }
 
 static int step_slices_alone(const ms_model *m, const ms_fused_step *p, spring_kind kind,

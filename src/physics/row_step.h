@@ -9,13 +9,16 @@
 #include "physics/single.h"
 #include "physics/spring_law.h"
 
-/* Where the model has masses in the precision of the lanes */
+/* Where the model has masses in the precision of the lanes; and the arrays of each component of x
+ * and v: with floats one more, for what their sums lack (vector.h) */
 #ifdef MS_SINGLE
 #  define MASSES_OF(m)  ((m)->single)
 #  define LARGEST_VALID MS_LARGEST_VALID_SINGLE
+#  define ARRAYS        2
 #else
 #  define MASSES_OF(m)  (m)
 #  define LARGEST_VALID MS_LARGEST_VALID
+#  define ARRAYS        1
 #endif
 
 /*------------------------------------- what all rows share --------------------------------------*/
@@ -36,7 +39,7 @@ MS_INLINE sweep_lanes spread_sweep(int dims, const ms_model *m, const ms_fused_s
 
 /*------------------------------------- memory ---------------------------------------------------*/
 
-enum { ROWS_IN_LINE = 64 / sizeof(ms_real) }; /* of the cache */
+enum { ROWS_IN_LINE = MS_CACHE_LINE / sizeof(ms_real) };
 
 /* What a step fetches ahead: rows, if x, v and the next x have more bytes than MS_CACHE; and
  * springs, if k and rest of those that are not alike have. A constant of the callers of functions
@@ -55,13 +58,19 @@ MS_INLINE void prefetch_row(int arrays, const void *vec, size_t row, size_t stri
     ms_simd_prefetch(vec, 1, ((size_t)c * stride + row) * sizeof(ms_real));
 }
 
+/* The same of the vectors of a sum; to: nullable */
+MS_INLINE void prefetch_sum(int dims, const void *from, const void *to, size_t row, size_t stride) {
+  if (!to) return;
+  prefetch_row(ARRAYS * dims, from, row, stride);
+  if (to != from) prefetch_row(ARRAYS * dims, to, row, stride);
+}
+
 /* Fetch what a step needs some rows later. It reads and writes up to two dozen arrays, which are
  * more than prefetchers of processors follow. damped: springs have damping */
 MS_INLINE void prefetch_rows(int dims, int damped, const ms_model *m, const ms_fused_step *p,
                              size_t row) {
-  enum { AHEAD = 128, NEIGHBOURS = 2048 };
+  enum { AHEAD = 128, NEIGHBOURS = 2048 }; /* rows; neighbours are further on */
   const size_t stride = (size_t)m->unknowns.stride, own = row + AHEAD, of_others = own + NEIGHBOURS;
-  const int arrays = sizeof(ms_real) == sizeof(float) ? 2 * dims : dims; /* vector.h */
   prefetch_row(dims, p->x, of_others, stride);
   if (damped) prefetch_row(dims, p->v, of_others, stride);
   prefetch_row(1, MASSES_OF(m)->mass, own, stride);
@@ -70,10 +79,8 @@ MS_INLINE void prefetch_rows(int dims, int damped, const ms_model *m, const ms_f
   if (p->a) prefetch_row(dims, p->a, own, stride);
   if (p->a_before) prefetch_row(dims, p->a_before, own, stride);
   if (p->along) prefetch_row(dims, p->along, own, stride);
-  if (p->v_to) prefetch_row(arrays, p->v_from, own, stride);
-  if (p->v_to && p->v_to != p->v_from) prefetch_row(arrays, p->v_to, own, stride);
-  if (p->x_to) prefetch_row(arrays, p->x_from, own, stride);
-  if (p->x_to && p->x_to != p->x_from) prefetch_row(arrays, p->x_to, own, stride);
+  prefetch_sum(dims, p->v_from, p->v_to, own, stride);
+  prefetch_sum(dims, p->x_from, p->x_to, own, stride);
 }
 
 /*------------------------------------- forces ---------------------------------------------------*/
